@@ -1,0 +1,234 @@
+"""`ArticulatedObject`: an object with joints, as geometry and physics, independent of any engine.
+
+Generators and importers make it, once; everything later (scenes, sensors, rewards, experts) reads it. The object
+frame has z up and the ground at z = 0 when the object stands as it should; cabinets face -x. All arrays are
+float64 unless said otherwise and must be treated as read-only.
+"""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from artiskill.errors import AssetError, UnknownNameError
+from artiskill.geometry.meshes import TriMesh
+
+Category = Literal["cabinet", "chair", "bucket"]
+JointKind = Literal["prismatic", "revolute"]
+ShapeKind = Literal["box", "cylinder", "capsule", "sphere", "hull"]
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """What a surface looks like.
+
+    Attributes:
+        name: for people.
+        rgba: linear base colour, four numbers in [0, 1].
+        texture: (H, W, 3) uint8 sRGB image that multiplies the colour where the mesh has UVs, or None.
+        shininess: 0 (matt) to 1 (polished).
+    """
+
+    name: str
+    rgba: tuple[float, float, float, float]
+    texture: np.ndarray | None = None
+    shininess: float = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class VisualMesh:
+    """A drawn surface of a link, in the link's frame.
+
+    Attributes:
+        mesh: triangles in the link's frame.
+        material: what it looks like.
+        part: what it is, a semantic name such as `handle`, `drawer_front`, `frame`, `shelf`.
+    """
+
+    mesh: TriMesh
+    material: Material
+    part: str
+
+
+@dataclass(frozen=True, eq=False)
+class CollisionShape:
+    """A convex shape for contact, in the link's frame.
+
+    Attributes:
+        kind: which primitive.
+        size: box: three half extents; cylinder and capsule: radius and half length (along the shape's z, without
+            the capsule's caps); sphere: radius; hull: empty.
+        position: (3,) centre in the link's frame.
+        quaternion: (4,) orientation in the link's frame.
+        vertices: (V, 3) corner points of a hull in the shape's frame, else None.
+        part: as in `VisualMesh`.
+    """
+
+    kind: ShapeKind
+    size: tuple[float, ...]
+    position: np.ndarray
+    quaternion: np.ndarray
+    vertices: np.ndarray | None = None
+    part: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """How a link moves relative to its parent.
+
+    Attributes:
+        name: unique within the object.
+        kind: `prismatic` (metres) or `revolute` (radians).
+        axis: (3,) unit vector in the link's frame.
+        origin: (3,) a point on the axis, in the link's frame.
+        limits: lower and upper; -inf and inf where the joint turns without end. A closed door or drawer is at
+            its lower limit.
+    """
+
+    name: str
+    kind: JointKind
+    axis: np.ndarray
+    origin: np.ndarray
+    limits: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A rigid part of an object.
+
+    Attributes:
+        name: unique within the object, `link_<k>` for the moving ones, `base` for the root.
+        parent: index of the parent link, -1 for the root; a parent stands before its children.
+        position: (3,) of the link's frame in the parent's at joint value 0.
+        quaternion: (4,) likewise.
+        joint: None for the root and for rigidly attached links.
+        visuals: what is drawn.
+        collisions: what touches.
+        density_kg_m3: mass and inertia follow from it and the collision shapes.
+        surface_points: (N, 3) samples of the drawn surface, in the link's frame.
+    """
+
+    name: str
+    parent: int
+    position: np.ndarray
+    quaternion: np.ndarray
+    joint: Joint | None
+    visuals: tuple[VisualMesh, ...]
+    collisions: tuple[CollisionShape, ...]
+    density_kg_m3: float
+    surface_points: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Handle:
+    """The part of a link that hands grip or hook, in the link's frame.
+
+    Attributes:
+        link: name of the link that carries it.
+        kind: `bar`, `knob`, `edge`, ...
+        points: (N, 3) samples of its surface.
+        planes: (P, 4) of its convex hull, as in `geometry.hulls.ConvexHull`.
+        grasp_positions: (G, 3) tool-centre points (between the finger pads) of its grasp poses; the first is the
+            best.
+        grasp_quaternions: (G, 4) hand orientations: the hand's z axis points from the wrist to the handle, the
+            fingers close along its y axis. A pose and its half turn about z are both listed.
+        grasp_width_m: extent between the pads when gripped as in the first pose.
+        hookable: a finger fits behind it and can pull without closing.
+    """
+
+    link: str
+    kind: str
+    points: np.ndarray
+    planes: np.ndarray
+    grasp_positions: np.ndarray
+    grasp_quaternions: np.ndarray
+    grasp_width_m: float
+    hookable: bool
+
+
+@dataclass(frozen=True, eq=False)
+class ArticulatedObject:
+    """An object with joints; see the module's docstring for its frame.
+
+    Attributes:
+        id: name in catalogues, results and environment ids, letters, digits, `-` and `.` only.
+        category: `cabinet`, `chair` or `bucket`.
+        links: the root first, parents before children.
+        handles: of all links; a door or drawer is a legal target where it has one.
+        bounds: (2, 3) smallest and largest corner in the object frame, at rest (joints at their lower limits).
+        metadata: facts for people and filters: family, dimensions, source, warnings of the importer.
+    """
+
+    id: str
+    category: Category
+    links: tuple[Link, ...]
+    handles: tuple[Handle, ...]
+    bounds: np.ndarray
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        names = [link.name for link in self.links]
+        if len(set(names)) != len(names):
+            raise AssetError(f"object {self.id!r}: two links share a name among {names}")
+        for i, link in enumerate(self.links):
+            if not -1 <= link.parent < i or (link.parent == -1) != (i == 0):
+                raise AssetError(f"object {self.id!r}: link {link.name!r} must stand after its parent")
+
+    @property
+    def jointed_links(self) -> tuple[int, ...]:
+        """Indices of the links that have a joint; joint k of the object belongs to the k-th of them."""
+        return tuple(i for i, link in enumerate(self.links) if link.joint is not None)
+
+    @property
+    def content_hash(self) -> str:
+        """Hex digest over every number and name but the id: equal exactly for equal content."""
+        digest = hashlib.sha256()
+        for value in (self.category, self.links, self.handles, self.bounds, dict(self.metadata)):
+            _feed(digest, value)
+        return digest.hexdigest()[:16]
+
+    def link_index(self, name: str) -> int:
+        """Index of a link.
+
+        Raises:
+            UnknownNameError: no link has this name.
+        """
+        for i, link in enumerate(self.links):
+            if link.name == name:
+                return i
+        raise UnknownNameError("link", name, [link.name for link in self.links], f"(object {self.id!r})")
+
+    def handles_of(self, link_name: str) -> tuple[Handle, ...]:
+        """The handles that a link carries, possibly none."""
+        return tuple(h for h in self.handles if h.link == link_name)
+
+    def target_links(self, kind: JointKind) -> tuple[str, ...]:
+        """Names of the links that move by such a joint and carry a handle: legal targets."""
+        return tuple(
+            link.name
+            for link in self.links
+            if link.joint is not None and link.joint.kind == kind and self.handles_of(link.name)
+        )
+
+
+def _feed(digest: Any, value: Any) -> None:
+    """Feed any nested value of this module's types into a hash, unambiguously."""
+    if isinstance(value, np.ndarray):
+        digest.update(f"{value.dtype}{value.shape}".encode())
+        digest.update(np.ascontiguousarray(value).tobytes())
+    elif is_dataclass(value):
+        for f in fields(value):
+            digest.update(f.name.encode())
+            _feed(digest, getattr(value, f.name))
+    elif isinstance(value, Mapping):
+        for key in sorted(value):
+            digest.update(str(key).encode())
+            _feed(digest, value[key])
+    elif isinstance(value, tuple | list):
+        digest.update(f"[{len(value)}".encode())
+        for item in value:
+            _feed(digest, item)
+    else:
+        digest.update(repr(value).encode())

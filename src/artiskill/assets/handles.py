@@ -1,0 +1,75 @@
+"""From a handle's mesh to a `Handle`: surface samples, hull and grasp poses, the same for all sources."""
+
+import numpy as np
+
+from artiskill.assets.articulated_object import Handle
+from artiskill.errors import AssetError
+from artiskill.geometry.hulls import convex_hull
+from artiskill.geometry.meshes import TriMesh, sample_surface
+from artiskill.geometry.rotations import quat_from_axis_angle, quat_from_matrix, quat_multiply
+
+POINTS_PER_HANDLE = 100
+# The pads are 17 mm long and centred on the tool-centre point: this far inside the handle's outer face they
+# cover a bar of 10-19 mm, and the fingertips stay clear of the panel behind a projection of 27 mm and more.
+_GRASP_DEPTH_M = 0.010
+_HALF_TURN = quat_from_axis_angle((0, 0, 1), np.pi)
+
+
+def handle_from_mesh(
+    link_name: str, kind: str, mesh: TriMesh, outward: np.ndarray, rng: np.random.Generator, hookable: bool
+) -> Handle:
+    """Describe the handle whose drawn surface is `mesh`.
+
+    The hand comes from outside, along `-outward`, and the fingers close across the handle's shorter side.
+
+    Args:
+        link_name: the link that carries the handle.
+        kind: `bar`, `knob`, ...
+        mesh: the handle's surface in the link's frame.
+        outward: (3,) direction from the panel to the room, in the link's frame; any length but zero.
+        rng: draws the surface samples.
+        hookable: whether a finger fits behind it.
+
+    Raises:
+        AssetError: the mesh does not span a volume.
+    """
+    try:
+        hull = convex_hull(mesh.vertices)
+    except ValueError as error:
+        raise AssetError(f"link {link_name!r}: its handle's mesh is flat or empty") from error
+    outward = np.asarray(outward, dtype=float) / np.linalg.norm(outward)
+    along, across = _face_axes(hull.mesh.vertices, outward)
+    frame = np.stack((along, across, outward))  # rows: axes of the face
+    low, high = (frame @ hull.mesh.vertices.T).min(axis=1), (frame @ hull.mesh.vertices.T).max(axis=1)
+    centre = (low + high) / 2
+    centre[2] = high[2] - min(_GRASP_DEPTH_M, (high[2] - low[2]) / 2)
+    hand_z = -outward
+    rotation = np.stack((np.cross(across, hand_z), across, hand_z), axis=1)
+    grasp = quat_from_matrix(rotation)
+    return Handle(
+        link=link_name,
+        kind=kind,
+        points=sample_surface([mesh], POINTS_PER_HANDLE, rng),
+        planes=hull.planes,
+        grasp_positions=np.repeat((centre @ frame)[None], 2, axis=0),
+        grasp_quaternions=np.stack((grasp, quat_multiply(grasp, _HALF_TURN))),
+        grasp_width_m=float(high[1] - low[1]),
+        hookable=hookable,
+    )
+
+
+def _face_axes(vertices: np.ndarray, outward: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Long and short side of the smallest rectangle that holds the outline seen along `outward`."""
+    helper = np.array((0.0, 0.0, 1.0)) if abs(outward[2]) < 0.9 else np.array((1.0, 0.0, 0.0))
+    u = np.cross(helper, outward)
+    u /= np.linalg.norm(u)
+    v = np.cross(outward, u)
+    flat = np.stack((vertices @ u, vertices @ v), axis=1)
+    angles = np.linspace(0.0, np.pi / 2, 91)[:-1]
+    turns = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
+    widths = np.ptp(flat @ turns.T, axis=0)
+    heights = np.ptp(flat @ np.stack((-turns[:, 1], turns[:, 0])), axis=0)
+    best = int(np.argmin(np.round(widths * heights, 12)))
+    c, s = turns[best]
+    first, second = c * u + s * v, -s * u + c * v
+    return (first, second) if widths[best] >= heights[best] else (second, first)

@@ -1,0 +1,64 @@
+"""Every error that ArtiSkill raises on purpose, under one root.
+
+A message says what was given, what is legal and, where names are concerned, what is nearest. Each class also
+derives from the built-in exception that a caller would expect, so `except ValueError` keeps working.
+"""
+
+import difflib
+from collections.abc import Iterable
+
+
+class ArtiSkillError(Exception):
+    """Root of all errors that ArtiSkill raises on purpose."""
+
+
+class UnknownNameError(ArtiSkillError, ValueError):
+    """A name (task, object, mode, split, link, ...) that does not exist."""
+
+    def __init__(self, kind: str, given: object, legal: Iterable[str], hint: str = "") -> None:
+        """Build the message from the kind of thing, the given name and all legal names."""
+        names = sorted(map(str, legal))
+        near = difflib.get_close_matches(str(given), names, n=1, cutoff=0.5)
+        message = f"unknown {kind} {given!r}"
+        if near:
+            message += f"; did you mean {near[0]!r}?"
+        message += f" Legal: {_shorten(names)}." if near else f"; legal: {_shorten(names)}."
+        super().__init__(f"{message} {hint}".rstrip())
+
+
+class ConfigError(ArtiSkillError, ValueError):
+    """A configuration value that is missing, unknown, of the wrong type or out of range."""
+
+
+class AssetError(ArtiSkillError, ValueError):
+    """An object that cannot be generated, read or used as asked."""
+
+
+class ActionError(ArtiSkillError, ValueError):
+    """An action of the wrong shape or with values that are not finite."""
+
+
+class StateError(ArtiSkillError, ValueError):
+    """A saved state that does not belong to the environment it is restored into."""
+
+
+class PolicyError(ArtiSkillError, RuntimeError):
+    """A policy or solution file that cannot be loaded, raises, or returns no legal action."""
+
+
+class ResetNeededError(ArtiSkillError, RuntimeError):
+    """An environment was used before its first `reset`."""
+
+
+class MissingExtraError(ArtiSkillError, ImportError):
+    """A feature needs an optional dependency that is not installed."""
+
+    def __init__(self, feature: str, extra: str) -> None:
+        """Name the feature and the extra that brings it."""
+        super().__init__(f"{feature} needs an optional dependency: pip install 'artiskill[{extra}]'")
+
+
+def _shorten(names: list[str], most: int = 12) -> str:
+    if len(names) <= most:
+        return ", ".join(names) or "(none)"
+    return ", ".join(names[:most]) + f", ... ({len(names)} in all)"
