@@ -89,15 +89,16 @@ def lathe(profile: Any, segments: int = 24) -> TriMesh:
     xy = points[:, None, :1] * ring[None]  # (P, S, 2)
     z = np.broadcast_to(points[:, None, 1:], (len(points), segments, 1))
     vertices = np.concatenate((xy, z), axis=-1).reshape(-1, 3)
+    index = np.arange(len(vertices)).reshape(len(points), segments)
+    index[points[:, 0] <= 0] = index[points[:, 0] <= 0, :1]  # one vertex at each pole: the surface is closed
     faces = []
     for p in range(len(points) - 1):
         for s in range(segments):
-            a, b = p * segments + s, p * segments + (s + 1) % segments
-            c, d = a + segments, b + segments
+            t = (s + 1) % segments
             if points[p, 0] > 0:
-                faces.append((a, b, d))
+                faces.append((index[p, s], index[p, t], index[p + 1, t]))
             if points[p + 1, 0] > 0:
-                faces.append((a, d, c))
+                faces.append((index[p, s], index[p + 1, t], index[p + 1, s]))
     return _drop_unused(TriMesh(vertices, np.array(faces)))
 
 
@@ -169,6 +170,82 @@ def tube(path: Any, radius: float, segments: int = 12) -> TriMesh:
     return TriMesh(vertices, np.array(faces))
 
 
+def loft(rings: Any) -> TriMesh:
+    """A closed skin through rings of equally many points, its ends flat.
+
+    Args:
+        rings: (R, N, 3), R >= 2, each ring convex, counter-clockwise seen against the direction of travel.
+    """
+    points = np.asarray(rings, dtype=float)
+    count, sides = points.shape[:2]
+    s = np.arange(sides)
+    t = (s + 1) % sides
+    first = (np.arange(count - 1) * sides)[:, None]
+    a, b, c, d = first + s, first + t, first + t + sides, first + s + sides
+    # each quad is cut along its shorter diagonal, which follows a twisting or leaning skin better
+    flat = points.reshape(-1, 3)
+    short = np.linalg.norm(flat[a] - flat[c], axis=-1) <= np.linalg.norm(flat[b] - flat[d], axis=-1) + 1e-12
+    lower = np.where(short[..., None], np.stack((a, b, c), axis=-1), np.stack((a, b, d), axis=-1))
+    upper = np.where(short[..., None], np.stack((a, c, d), axis=-1), np.stack((b, c, d), axis=-1))
+    cap = _strip(sides)
+    end = cap + (count - 1) * sides
+    faces = np.concatenate((cap[:, ::-1], lower.reshape(-1, 3), upper.reshape(-1, 3), end))
+    return TriMesh(flat, faces)
+
+
+def superellipse(half_x: float, half_y: float, exponent: float, count: int = 16) -> np.ndarray:
+    """Outline |x / half_x|^n + |y / half_y|^n = 1, counter-clockwise: n = 2 an ellipse, 4 and more a rounded box.
+
+    Returns:
+        (count, 2) points.
+    """
+    angles = np.arange(count) * (2 * np.pi / count)
+    unit = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
+    unit[np.abs(unit) < 1e-12] = 0.0
+    return np.sign(unit) * np.abs(unit) ** (2.0 / exponent) * (half_x, half_y)
+
+
+def superellipse_loft(sections: Any, count: int = 16) -> TriMesh:
+    """A closed, rounded body along z through superelliptic sections.
+
+    Args:
+        sections: (R, 6) from bottom to top: height z, centre x and y, half extents x and y, exponent.
+        count: points of each section; a multiple of 4 keeps it symmetric.
+    """
+    rings = []
+    for z, x, y, half_x, half_y, exponent in np.asarray(sections, dtype=float):
+        outline = superellipse(half_x, half_y, exponent, count) + np.array((x, y))
+        rings.append(np.column_stack((outline, np.full(count, z))))
+    return loft(rings)
+
+
+def rounded_rectangle(half_x: float, half_y: float, radius_m: float, arc: int = 3) -> np.ndarray:
+    """Outline of a rectangle whose corners are arcs of `arc` >= 2 points, counter-clockwise. -> (4 arc, 2)."""
+    radius = min(radius_m, 0.98 * half_x, 0.98 * half_y)
+    angles = np.arange(4)[:, None] * (np.pi / 2) + np.linspace(0, np.pi / 2, arc)
+    direction = np.stack((np.cos(angles), np.sin(angles)), axis=-1).reshape(-1, 2)
+    signs = np.repeat([(1, 1), (-1, 1), (-1, -1), (1, -1)], arc, axis=0)
+    return signs * (half_x - radius, half_y - radius) + radius * direction
+
+
+def rounded_box(half_extents: Any, radius_m: float, arc: int = 3, bevel_m: float = 0.005) -> TriMesh:
+    """An axis-aligned box about the origin with round vertical edges and a bevel around top and bottom.
+
+    Args:
+        half_extents: three numbers.
+        radius_m: of the vertical edges.
+        arc: points on each round edge, at least 2.
+        bevel_m: width of the bevel, less than the radius.
+    """
+    hx, hy, hz = (float(h) for h in half_extents)
+    bevel = min(bevel_m, 0.45 * hz, 0.9 * radius_m, 0.45 * hx, 0.45 * hy)
+    rings = []
+    for z, inset in ((-hz, bevel), (-hz + bevel, 0.0), (hz - bevel, 0.0), (hz, bevel)):
+        outline = rounded_rectangle(hx - inset, hy - inset, radius_m - inset, arc)
+        rings.append(np.column_stack((outline, np.full(len(outline), z))))
+    return loft(rings)
+
+
 def triangle_areas(mesh: TriMesh) -> np.ndarray:
     """Area of each face, (F,)."""
     a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
@@ -190,3 +267,15 @@ def sample_surface(meshes: Sequence[TriMesh], count: int, rng: np.random.Generat
 def _drop_unused(mesh: TriMesh) -> TriMesh:
     used, faces = np.unique(mesh.faces, return_inverse=True)
     return TriMesh(mesh.vertices[used], faces.reshape(-1, 3))
+
+
+def _strip(count: int) -> np.ndarray:
+    """Triangles of a convex polygon, in zigzag: fewer needles than in a fan. -> (count - 2, 3)."""
+    faces, low, high = [], 0, count - 1
+    while high - low >= 2:
+        faces.append((low, low + 1, high))
+        low += 1
+        if high - low >= 2:
+            faces.append((low, high - 1, high))
+            high -= 1
+    return np.array(faces)

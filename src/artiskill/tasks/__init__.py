@@ -1,0 +1,1 @@
+"""What is asked: initial states, observations, rewards and success, as pure functions of snapshots."""

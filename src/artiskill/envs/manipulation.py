@@ -1,0 +1,344 @@
+"""`ManipulationEnv`: the Gymnasium face of a task, one episode at a time."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import gymnasium as gym
+import numpy as np
+
+from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.assets.catalog import load_object, resolve_objects
+from artiskill.envs.rendering import WorldView
+from artiskill.errors import ActionError, AssetError, ConfigError, ResetNeededError, StateError, UnknownNameError
+from artiskill.robots.actions import action_scale
+from artiskill.scene.cache import cached_scene
+from artiskill.sim.simulation import Simulation
+from artiskill.sim.snapshot import Snapshot
+from artiskill.sim.states import SimulationState
+from artiskill.tasks.fields import field_bounds
+from artiskill.tasks.levels import MAX_LEVEL, Stream, check_level, level_generator
+from artiskill.tasks.progress import Progress
+from artiskill.tasks.registry import make_task
+from artiskill.tasks.task import Goal
+
+ObservationMode = Literal["state"]
+RewardMode = Literal["dense", "sparse"]
+OBSERVATION_MODES: tuple[str, ...] = ("state",)
+REWARD_MODES: tuple[str, ...] = ("dense", "sparse")
+RENDER_MODES: tuple[str, ...] = ("rgb_array",)
+ObjectChoice = str | ArticulatedObject | Sequence[str | ArticulatedObject]
+
+
+@dataclass(frozen=True, eq=False)
+class EnvState:
+    """A saved instant of an episode; `ManipulationEnv.restore_state` takes it back.
+
+    Attributes:
+        task: name of the task.
+        object: id of the object.
+        target: name of the target link.
+        level: of the episode.
+        simulation: physical state.
+        elapsed: environment steps so far.
+        streaks: (F,) consecutive steps that each flag has held.
+    """
+
+    task: str
+    object: str
+    target: str
+    level: int
+    simulation: SimulationState
+    elapsed: int
+    streaks: np.ndarray
+
+
+class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
+    """One task, over one object or many, as a Gymnasium environment.
+
+    ## Action space
+
+    `Box(-1, 1, (13,), float32)`: one number per joint; values outside are clipped.
+
+    | Numbers | Controls | -1 .. +1 means |
+    |---|---|---|
+    | 0-1 | base velocity x, y in the robot's own frame | -0.5 .. 0.5 m/s |
+    | 2 | base yaw rate | -3.14 .. 3.14 rad/s |
+    | 3 | lift velocity | -0.5 .. 0.5 m/s |
+    | 4-10 | velocities of the arm's joints | -3.14 .. 3.14 rad/s |
+    | 11-12 | position of each finger | 0 .. 0.04 m |
+
+    ## Observation space (`obs_mode="state"`)
+
+    `Box` of float32 with finite bounds; `task.state_fields` lists every run of numbers with its unit. The last 38
+    describe the robot.
+
+    ## Rewards
+
+    `dense`: the weighted sum of the task's reward terms, all of them in `info["reward_terms"]` (unweighted).
+    `sparse`: 1 in a step in which the task is solved, else 0.
+
+    ## Episodes
+
+    A *level* is the integer that fixes everything about an episode. `reset(seed=s)` starts level s; `reset()`
+    draws the next level; `reset(options={"level": ..., "object": ..., "target": ...})` is explicit. An episode
+    is `terminated` when the task is solved and `truncated` after `task.episode_steps` steps.
+
+    `info` has `object`, `level`, `target`, `success`, `flags` (condition -> has it held long enough) and, after a
+    step or a reset, `reward_terms`.
+
+    Args:
+        task: name of the task.
+        objects: a split (`train`, `test`, `all`), an object's id, a list of ids, or `ArticulatedObject`s.
+        target: fix the target link; by default the level draws one.
+        obs_mode: `state`.
+        reward_mode: `dense` or `sparse`.
+        render_mode: None or `rgb_array`.
+        config: values of the task's YAML to change, `{"episode_steps": 100}`; keys may be dotted.
+
+    Raises:
+        UnknownNameError: an unknown task, object, split, mode or target link.
+        ConfigError: an unknown or illegal configuration value.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": list(RENDER_MODES), "render_fps": 20}
+
+    def __init__(
+        self,
+        task: str = "OpenCabinetDrawer",
+        objects: ObjectChoice = "train",
+        target: str | None = None,
+        obs_mode: str = "state",
+        reward_mode: str = "dense",
+        render_mode: str | None = None,
+        config: Mapping[str, Any] | None = None,
+    ) -> None:
+        _check_name("observation mode", obs_mode, OBSERVATION_MODES)
+        _check_name("reward mode", reward_mode, REWARD_MODES)
+        if render_mode is not None:
+            _check_name("render mode", render_mode, RENDER_MODES)
+        self.task = make_task(task, config)
+        self.obs_mode, self.reward_mode, self.render_mode = obs_mode, reward_mode, render_mode
+        self._choices = resolve_objects(objects, task=self.task.name)
+        self._fixed_target = target
+        if target is not None:
+            for choice in self._choices:
+                self._check_target(_load(choice), target)
+        self._scale = action_scale(self.task.robot)
+        bounds = field_bounds(self.task.state_fields)
+        self._bounds = bounds
+        self.observation_space = gym.spaces.Box(-bounds, bounds, dtype=np.float32)
+        self.action_space = gym.spaces.Box(-1.0, 1.0, self._scale.center.shape, np.float32)
+        self._simulation: Simulation | None = None
+        self._view: WorldView | None = None
+        self._progress = Progress(1, (), self.task.hold_steps)
+        self._goal: Goal = None
+        self._snapshot: Snapshot | None = None
+        self._object: ArticulatedObject | None = None
+        self._target = ""
+        self._level = -1
+
+    # -- episodes ------------------------------------------------------------------------------------------------
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start an episode; see the class.
+
+        Raises:
+            ConfigError: a level that is no integer in range, or an unknown option.
+            UnknownNameError: an unknown object or target link.
+        """
+        options = dict(options or {})
+        for key in options:
+            _check_name("reset option", key, ("level", "object", "target"))
+        level = options.get("level", seed)
+        if level is not None:
+            level = check_level(level)
+        super().reset(seed=seed)
+        self._level = int(self.np_random.integers(MAX_LEVEL + 1)) if level is None else level
+        obj = self._draw_object(options.get("object"))
+        target = self._draw_target(obj, options.get("target", self._fixed_target))
+        self._enter(obj, target)
+        assert self._simulation is not None
+        generator = level_generator(self._level, Stream.INITIAL_STATE)
+        self._simulation.reset([self.task.sample_initial_state(obj, generator)])
+        self._snapshot = self._simulation.snapshot()
+        self._progress.restart()
+        return self._observe(), self._info()[0]
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """One environment step of 0.05 s.
+
+        Raises:
+            ActionError: the action has the wrong shape or values that are not finite.
+            ResetNeededError: called before the first `reset`.
+        """
+        action = self._check_action(action)
+        simulation = self._simulation
+        if simulation is None:
+            raise ResetNeededError("call reset() before step()")
+        simulation.step(self._scale.to_targets(action)[None])
+        self._snapshot = snapshot = simulation.snapshot()
+        self._progress.advance(self.task.flags(snapshot, self._goal))
+        info, dense = self._info()
+        success = info["success"]
+        reward = dense if self.reward_mode == "dense" else float(success)
+        truncated = bool(self._progress.elapsed[0] >= self.task.episode_steps) and not success
+        return self._observe(), reward, success, truncated, info
+
+    def render(self) -> np.ndarray:  # type: ignore[override]
+        """The scene from the world camera, (480, 640, 3) uint8.
+
+        Raises:
+            ResetNeededError: called before the first `reset`.
+            ConfigError: the environment was made without `render_mode="rgb_array"`.
+        """
+        if self.render_mode is None:
+            raise ConfigError("this environment was made without a render mode; pass render_mode='rgb_array'")
+        if self._view is None:
+            assert self._simulation is not None
+            self._view = WorldView(self._simulation.scene)
+        return self._view.draw(self.snapshot)
+
+    # -- state ---------------------------------------------------------------------------------------------------
+
+    def save_state(self) -> EnvState:
+        """The instant, detached from the environment."""
+        if self._simulation is None or self._object is None:
+            raise ResetNeededError("call reset() before save_state()")
+        return EnvState(
+            task=self.task.name,
+            object=self._object.id,
+            target=self._target,
+            level=self._level,
+            simulation=self._simulation.save(),
+            elapsed=int(self._progress.elapsed[0]),
+            streaks=self._progress.streaks[0].copy(),
+        )
+
+    def restore_state(self, state: EnvState) -> tuple[np.ndarray, dict[str, Any]]:
+        """Take back an instant, of whichever object; the same actions then give the same bits.
+
+        Returns:
+            The observation and info of that instant.
+
+        Raises:
+            StateError: the state is of another task or does not fit the object.
+        """
+        if not isinstance(state, EnvState) or state.task != self.task.name:
+            given = state.task if isinstance(state, EnvState) else type(state).__name__
+            raise StateError(f"cannot restore a state of {given!r} into {self.task.name!r}")
+        same = self._object is not None and self._object.id == state.object
+        obj = self._object if same and self._object is not None else self._find_object(state.object)
+        self._enter(obj, state.target)
+        assert self._simulation is not None
+        self._simulation.restore(state.simulation)
+        self._snapshot = self._simulation.snapshot()
+        self._level = state.level
+        self._progress.elapsed[:] = state.elapsed
+        self._progress.streaks[:] = state.streaks
+        return self._observe(), self._info()[0]
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """What is true now, with B = 1: what privileged policies read."""
+        if self._snapshot is None:
+            raise ResetNeededError("call reset() first")
+        return self._snapshot
+
+    @property
+    def goal(self) -> Goal:
+        """The episode's goal, with B = 1."""
+        if self._goal is None:
+            raise ResetNeededError("call reset() first")
+        return self._goal
+
+    # -- inside --------------------------------------------------------------------------------------------------
+
+    def _find_object(self, given: Any) -> ArticulatedObject:
+        """An object by id or as itself; ids of objects that were handed in are known too."""
+        for choice in self._choices:
+            if isinstance(choice, ArticulatedObject) and choice.id == given:
+                return choice
+        return _load(given)
+
+    def _draw_object(self, given: Any) -> ArticulatedObject:
+        if given is not None:
+            return self._find_object(given)
+        generator = level_generator(self._level, Stream.OBJECT)
+        return _load(self._choices[int(generator.integers(len(self._choices)))])
+
+    def _draw_target(self, obj: ArticulatedObject, given: str | None) -> str:
+        targets = self._check_target(obj, given)
+        if given is not None:
+            return given
+        return targets[int(level_generator(self._level, Stream.TARGET).integers(len(targets)))]
+
+    def _check_target(self, obj: ArticulatedObject, target: str | None) -> tuple[str, ...]:
+        if obj.category != self.task.category:
+            raise AssetError(f"object {obj.id!r}: {self.task.name} needs a {self.task.category}, not a {obj.category}")
+        targets = self.task.targets(obj)
+        if not targets:
+            raise AssetError(
+                f"object {obj.id!r} has no target for {self.task.name}: none of its links "
+                f"({', '.join(link.name for link in obj.links)}) moves that way and carries a handle"
+            )
+        if target is not None and target not in targets:
+            raise UnknownNameError("target link", target, targets, f"(object {obj.id!r}, {self.task.name})")
+        return targets
+
+    def _enter(self, obj: ArticulatedObject, target: str) -> None:
+        """Have the object's simulation and the target's goal at hand."""
+        if self._simulation is None or self._object is not obj:
+            self._simulation = Simulation(cached_scene(self.task.robot, obj, self.task.physics))
+            self._view = None
+            self._object = obj
+            self._target = ""
+        if self._target != target:
+            self._goal = self.task.make_goal(obj, target)
+            self._target = target
+        if not self._progress.flag_names:
+            names = tuple(self.task.flags(self._simulation.snapshot(), self._goal))
+            self._progress = Progress(1, names, self.task.hold_steps)
+
+    def _check_action(self, action: Any) -> np.ndarray:
+        try:
+            array = np.asarray(action, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise ActionError(f"an action is {self.action_space.shape[0]} numbers, not {action!r}") from error
+        if array.shape != self.action_space.shape:
+            raise ActionError(f"an action has shape {self.action_space.shape}, not {array.shape}")
+        if not np.isfinite(array).all():
+            bad = np.flatnonzero(~np.isfinite(array)).tolist()
+            raise ActionError(f"an action has finite numbers; entries {bad} are {array[bad].tolist()}")
+        return array
+
+    def _observe(self) -> np.ndarray:
+        values = self.task.observe_state(self.snapshot, self._goal)[0]
+        return np.minimum(np.maximum(values, -self._bounds), self._bounds)
+
+    def _info(self) -> tuple[dict[str, Any], float]:
+        """Info of this instant, and the dense reward that its terms add up to."""
+        terms = self.task.reward_terms(self.snapshot, self._goal)
+        values = {name: float(value[0]) for name, value in terms.items()}
+        weights = self.task.reward_weights
+        assert self._object is not None
+        info = {
+            "object": self._object.id,
+            "level": self._level,
+            "target": self._target,
+            "success": bool(self._progress.success[0]),
+            "flags": dict(zip(self._progress.flag_names, self._progress.counted[0].tolist(), strict=True)),
+            "reward_terms": values,
+        }
+        return info, sum(weights.get(name, 0.0) * value for name, value in values.items())
+
+
+def _load(choice: str | ArticulatedObject) -> ArticulatedObject:
+    return choice if isinstance(choice, ArticulatedObject) else load_object(choice)
+
+
+def _check_name(kind: str, given: object, legal: tuple[str, ...]) -> None:
+    if given not in legal:
+        raise UnknownNameError(kind, given, legal)

@@ -1,0 +1,2 @@
+class WorldView:
+    pass

@@ -1,0 +1,40 @@
+"""What actions mean: [-1, 1] per joint to drive targets, and back."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from artiskill.robots.config import RobotConfig, load_arm
+
+
+@dataclass(frozen=True, eq=False)
+class ActionScale:
+    """Affine map from actions (..., R) in [-1, 1] to drive targets (..., R).
+
+    Targets are velocities (m/s, rad/s; the base's in its own frame) and, for fingers, positions (m).
+
+    Attributes:
+        center: (R,) target of action 0.
+        half_range: (R,) target difference of action 1.
+    """
+
+    center: np.ndarray
+    half_range: np.ndarray
+
+    def to_targets(self, actions: np.ndarray) -> np.ndarray:
+        """Drive targets of actions, which are clipped to [-1, 1]. (..., R) -> (..., R)."""
+        return self.center + self.half_range * np.clip(actions, -1.0, 1.0)
+
+    def to_actions(self, targets: np.ndarray) -> np.ndarray:
+        """Actions of drive targets, clipped to [-1, 1]. (..., R) -> (..., R)."""
+        return np.clip((targets - self.center) / self.half_range, -1.0, 1.0)
+
+
+def action_scale(config: RobotConfig) -> ActionScale:
+    """The map of a robot, in the order of `RobotPart.joints`."""
+    actions, (lower, upper) = config.actions, load_arm(config.arm).finger.range_m
+    trunk = [actions.base_velocity_m_s] * 2 + [actions.yaw_rate_rad_s, actions.lift_velocity_m_s]
+    arm = [actions.arm_velocity_rad_s] * len(config.initial.arm_qpos_rad) + [(upper - lower) / 2] * 2
+    arm_center = [0.0] * len(config.initial.arm_qpos_rad) + [(upper + lower) / 2] * 2
+    count = len(config.mounts)
+    return ActionScale(np.array([0.0] * 4 + arm_center * count), np.array(trunk + arm * count))

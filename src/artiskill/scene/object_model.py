@@ -1,0 +1,68 @@
+"""An `ArticulatedObject` as bodies, joints and geoms of a MuJoCo specification."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape, Link
+from artiskill.robots.shapes import add_shape
+from artiskill.scene.physics import Group, PhysicsConfig, set_contact
+
+_MIN_MASS_KG = 0.05  # of a moving link whose collision shapes are too small to weigh anything
+OBJECT_PREFIX = "object/"
+
+
+@dataclass(frozen=True)
+class ObjectPart:
+    """Names of what was added, in the object's own order."""
+
+    bodies: tuple[str, ...]
+    joints: tuple[str, ...]
+
+
+def add_object(spec: Any, obj: ArticulatedObject, physics: PhysicsConfig) -> ObjectPart:
+    """Add the object, fixed to the world at its origin.
+
+    Links of one object do not collide with one another: generated ones never touch within their limits, and
+    overlapping hulls of imported ones would jam them. The joints' limits keep doors and drawers in place.
+    """
+    bodies: list[Any] = []
+    joints: list[str] = []
+    for link in obj.links:
+        parent = spec.worldbody if link.parent < 0 else bodies[link.parent]
+        body = parent.add_body(name=OBJECT_PREFIX + link.name, pos=link.position, quat=link.quaternion)
+        if link.joint is not None:
+            joints.append(_add_joint(body, link))
+        for i, shape in enumerate(link.collisions):
+            geom = _add_collision(spec, body, f"{body.name}_shape{i}", shape)
+            geom.density = link.density_kg_m3
+            set_contact(geom, Group.OBJECT, Group.ROBOT | Group.LOOSE, physics.contact.object_friction, physics)
+        if link.joint is not None and not link.collisions:
+            body.explicitinertial, body.mass, body.inertia = True, _MIN_MASS_KG, (1e-4, 1e-4, 1e-4)
+        bodies.append(body)
+    return ObjectPart(tuple(b.name for b in bodies), tuple(joints))
+
+
+def _add_joint(body: Any, link: Link) -> str:
+    joint = link.joint
+    assert joint is not None
+    kinds = {"prismatic": mujoco.mjtJoint.mjJNT_SLIDE, "revolute": mujoco.mjtJoint.mjJNT_HINGE}
+    limited = bool(np.isfinite(joint.limits).all())
+    added = body.add_joint(
+        name=OBJECT_PREFIX + joint.name, type=kinds[joint.kind], axis=joint.axis, pos=joint.origin
+    )
+    added.limited = mujoco.mjtLimited.mjLIMITED_TRUE if limited else mujoco.mjtLimited.mjLIMITED_FALSE
+    if limited:
+        added.range = joint.limits
+    return added.name
+
+
+def _add_collision(spec: Any, body: Any, name: str, shape: CollisionShape) -> Any:
+    geom = add_shape(body, name, shape.kind, shape.size, shape.position, shape.quaternion)
+    if shape.kind == "hull":
+        assert shape.vertices is not None
+        mesh = spec.add_mesh(name=name, uservert=np.asarray(shape.vertices, dtype=float).ravel())
+        geom.meshname = mesh.name
+    return geom

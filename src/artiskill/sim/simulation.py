@@ -1,0 +1,155 @@
+"""`Simulation`: a batch of environments of one layout, stepped, saved and restored bit for bit."""
+
+import copy
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from artiskill.errors import StateError
+from artiskill.geometry.rotations import cross
+from artiskill.scene.scene import Scene
+from artiskill.sim.snapshot import Snapshot
+from artiskill.sim.states import InitialState, SimulationState
+
+# Position- and velocity-dependent fields are brought up to date after the last physics step.
+_CURRENT = mujoco.mjtStage.mjSTAGE_VEL.value
+
+
+class Simulation:
+    """`num_envs` copies of a scene; each has its own joint parameters.
+
+    Args:
+        scene: what is simulated. It is not changed: every environment runs on its own copy of the model.
+        num_envs: B.
+        num_threads: threads that step; any number gives the same bits.
+    """
+
+    def __init__(self, scene: Scene, num_envs: int = 1, num_threads: int = 1) -> None:
+        self.scene = scene
+        self.num_envs = num_envs
+        self._models = [copy.copy(scene.model) for _ in range(num_envs)]
+        self._batch = Batch(scene.model, num_envs, num_threads)
+        self._batch.set_models(self._models)
+        self._bind()
+        index = scene.index
+        self._previous_position = self._xpos[:, index.object_bodies].copy()
+        self._previous_quaternion = self._xquat[:, index.object_bodies].copy()
+
+    def _bind(self) -> None:
+        """Live views of the engine's arrays, made once."""
+        bind = self._batch.bind
+        self._qpos, self._qvel, self._ctrl, self._time = bind("qpos"), bind("qvel"), bind("ctrl"), bind("time")
+        self._xpos, self._xquat = bind("xpos"), bind("xquat")
+        self._anchor, self._axis = bind("xanchor"), bind("xaxis")
+        self._site_position, self._site_rotation = bind("site_xpos"), bind("site_xmat")
+        self._body_velocity, self._subtree_com = bind("cvel"), bind("subtree_com")
+
+    def reset(self, initial_states: Sequence[InitialState], env_ids: Sequence[int] | None = None) -> None:
+        """Put environments at their initial states.
+
+        Args:
+            initial_states: one per environment that is reset.
+            env_ids: sorted indices of the environments; None for all.
+        """
+        ids = np.arange(self.num_envs) if env_ids is None else np.asarray(env_ids)
+        index = self.scene.index
+        for i, state in zip(ids, initial_states, strict=True):
+            self._set_parameters(i, state.joint_friction, state.joint_damping)
+        self._batch.set_models(self._models)  # again after every edit
+        self._batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
+        for i, state in zip(ids, initial_states, strict=True):
+            self._qpos[i, index.robot] = state.robot_qpos
+            self._qpos[i, index.object_joints] = state.object_qpos
+            self._ctrl[i] = self.rest_targets(state.robot_qpos)
+            if state.settle_steps:
+                self._batch.step(np.array([i]), nstep=state.settle_steps)
+                self._time[i] = 0.0
+        self._batch.forward(ids, stage=_CURRENT)
+        self._previous_position[ids] = self._xpos[ids, index.object_bodies]
+        self._previous_quaternion[ids] = self._xquat[ids, index.object_bodies]
+
+    def rest_targets(self, robot_qpos: np.ndarray) -> np.ndarray:
+        """Drive targets that hold a robot where it is: zero velocity, fingers at their position. (R,) -> (R,)."""
+        is_position = self.scene.model.actuator_gainprm[:, 0] == -self.scene.model.actuator_biasprm[:, 1]
+        return np.where(is_position, robot_qpos, 0.0)
+
+    def step(self, targets: np.ndarray) -> None:
+        """One environment step of all environments with constant drive targets (B, R)."""
+        bodies = self.scene.index.object_bodies
+        self._previous_position[:] = self._xpos[:, bodies]
+        self._previous_quaternion[:] = self._xquat[:, bodies]
+        self._ctrl[:] = targets
+        self._batch.step(nstep=self.scene.physics.physics_steps_per_step, stage=_CURRENT)
+
+    def snapshot(self) -> Snapshot:
+        """What is true now; the arrays are copies."""
+        index = self.scene.index
+        position, quaternion = self._xpos.copy(), self._xquat.copy()
+        tips = self._site_position[:, index.fingertip_sites]
+        velocity = self._body_velocity[:, index.fingertip_bodies]  # angular, then linear at the subtree's centre
+        # the robot is one kinematic tree, whose centre of mass is that of its root, body 1
+        arm = tips - self._subtree_com[:, 1:2]
+        return Snapshot(
+            time_s=self._time.copy(),
+            step_s=self.scene.physics.step_s,
+            robot_qpos=self._qpos[:, index.robot].copy(),
+            robot_qvel=self._qvel[:, index.robot].copy(),
+            robot_joint_anchor_w=self._anchor[:, index.robot].copy(),
+            robot_joint_axis_w=self._axis[:, index.robot].copy(),
+            fingertip_position_w=tips,
+            fingertip_velocity_w=velocity[..., 3:] + cross(velocity[..., :3], arm, np),
+            finger_line_start_w=self._site_position[:, index.finger_line_sites],
+            tool_position_w=self._site_position[:, index.tool_sites],
+            tool_rotation_w=self._site_rotation[:, index.tool_sites].reshape(self.num_envs, -1, 3, 3),
+            object_qpos=self._qpos[:, index.object_joints].copy(),
+            object_qvel=self._qvel[:, index.object_joints].copy(),
+            link_position_w=position[:, index.object_bodies],
+            link_quaternion_w=quaternion[:, index.object_bodies],
+            previous_link_position_w=self._previous_position.copy(),
+            previous_link_quaternion_w=self._previous_quaternion.copy(),
+            body_position_w=position,
+            body_quaternion_w=quaternion,
+        )
+
+    def save(self) -> SimulationState:
+        """The state of all environments, detached from the simulation."""
+        friction, damping = self._parameters()
+        return SimulationState(
+            rows=self._batch.state.copy(),
+            joint_friction=friction,
+            joint_damping=damping,
+            previous_link_position_w=self._previous_position.copy(),
+            previous_link_quaternion_w=self._previous_quaternion.copy(),
+            model_name=self.scene.object.id,
+        )
+
+    def restore(self, state: SimulationState) -> None:
+        """Take back a saved state: the same actions then give the same bits.
+
+        Raises:
+            StateError: the state comes from another scene or batch size.
+        """
+        if state.rows.shape != self._batch.state.shape or state.model_name != self.scene.object.id:
+            raise StateError(
+                f"this state has shape {state.rows.shape} and belongs to object {state.model_name!r}; "
+                f"the simulation has {self._batch.state.shape} and {self.scene.object.id!r}"
+            )
+        for i in range(self.num_envs):
+            self._set_parameters(i, state.joint_friction[i], state.joint_damping[i])
+        self._batch.set_models(self._models)
+        self._batch.state[:] = state.rows
+        self._batch.forward(stage=_CURRENT)
+        self._previous_position[:] = state.previous_link_position_w
+        self._previous_quaternion[:] = state.previous_link_quaternion_w
+
+    def _set_parameters(self, env: int, friction: np.ndarray, damping: np.ndarray) -> None:
+        joints = self.scene.index.object_joints
+        self._models[env].dof_frictionloss[joints] = friction
+        self._models[env].dof_damping[joints] = damping
+
+    def _parameters(self) -> tuple[np.ndarray, np.ndarray]:
+        joints = self.scene.index.object_joints
+        friction = np.stack([m.dof_frictionloss[joints] for m in self._models])
+        return friction, np.stack([m.dof_damping[joints] for m in self._models])

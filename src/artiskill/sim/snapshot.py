@@ -1,0 +1,58 @@
+"""`Snapshot`: what is true at one instant, for a batch of environments, as plain arrays.
+
+Observations, rewards and success conditions are functions of a snapshot, never of an environment. The poses of
+one step ago are part of it, so that asking twice answers the same.
+"""
+
+from dataclasses import dataclass
+
+from artiskill.geometry.rotations import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """B environments; R robot joints, A arms, T = 2A fingertips, N bodies, L object links, J object joints.
+
+    World frame, SI units, quaternions (w, x, y, z). Arrays are NumPy (or torch) and must not be written to.
+
+    Attributes:
+        time_s: (B,) since the episode's first state.
+        step_s: duration of one environment step.
+        robot_qpos: (B, R) base x, y, yaw, lift, then per arm its joints and two fingers.
+        robot_qvel: (B, R) in the same order, base x and y along the world's axes.
+        robot_joint_anchor_w: (B, R, 3) a point on each joint's axis.
+        robot_joint_axis_w: (B, R, 3) unit direction of each joint.
+        fingertip_position_w: (B, T, 3).
+        fingertip_velocity_w: (B, T, 3).
+        finger_line_start_w: (B, T, 3); each finger's line runs from here to its tip along the pad.
+        tool_position_w: (B, A, 3) centre between the pads.
+        tool_rotation_w: (B, A, 3, 3) columns: the hand's axes; z forward, the fingers close along y.
+        object_qpos: (B, J).
+        object_qvel: (B, J).
+        link_position_w: (B, L, 3) frames of the object's links.
+        link_quaternion_w: (B, L, 4).
+        previous_link_position_w: (B, L, 3) one environment step ago; at the first state, that state's.
+        previous_link_quaternion_w: (B, L, 4).
+        body_position_w: (B, N, 3) of everything that is drawn.
+        body_quaternion_w: (B, N, 4).
+    """
+
+    time_s: Array
+    step_s: float
+    robot_qpos: Array
+    robot_qvel: Array
+    robot_joint_anchor_w: Array
+    robot_joint_axis_w: Array
+    fingertip_position_w: Array
+    fingertip_velocity_w: Array
+    finger_line_start_w: Array
+    tool_position_w: Array
+    tool_rotation_w: Array
+    object_qpos: Array
+    object_qvel: Array
+    link_position_w: Array
+    link_quaternion_w: Array
+    previous_link_position_w: Array
+    previous_link_quaternion_w: Array
+    body_position_w: Array
+    body_quaternion_w: Array

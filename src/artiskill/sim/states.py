@@ -1,0 +1,45 @@
+"""Where an episode starts, and everything that its future depends on."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class InitialState:
+    """Where one environment starts, and the parameters that its level gives the object's joints.
+
+    Attributes:
+        robot_qpos: (R,).
+        object_qpos: (J,).
+        joint_friction: (J,) N or N m.
+        joint_damping: (J,) N s/m or N m s/rad.
+        settle_steps: physics steps taken before the first snapshot, with drives at rest.
+    """
+
+    robot_qpos: np.ndarray
+    object_qpos: np.ndarray
+    joint_friction: np.ndarray
+    joint_damping: np.ndarray
+    settle_steps: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class SimulationState:
+    """Everything that the future of a batch depends on; `Simulation.restore` takes it back.
+
+    Attributes:
+        rows: (B, S) the engine's integration state (`mjSTATE_INTEGRATION`, warm start included).
+        joint_friction: (B, J).
+        joint_damping: (B, J).
+        previous_link_position_w: (B, L, 3).
+        previous_link_quaternion_w: (B, L, 4).
+        model_name: which scene it belongs to.
+    """
+
+    rows: np.ndarray
+    joint_friction: np.ndarray
+    joint_damping: np.ndarray
+    previous_link_position_w: np.ndarray
+    previous_link_quaternion_w: np.ndarray
+    model_name: str

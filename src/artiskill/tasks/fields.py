@@ -1,0 +1,77 @@
+"""The state vector as a table of fields, and the part of it that describes the robot."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from array_api_compat import array_namespace
+
+from artiskill.geometry.rotations import Array
+from artiskill.sim.snapshot import Snapshot
+
+# Values are clipped to their field's bounds, so that spaces are finite. Nothing in a sane episode reaches them:
+# the base's range is 10 m, and drives turn no joint faster than 3.14 rad/s.
+_FAR_M, _FAST, _ANGLE_RAD = 20.0, 100.0, 100.0
+
+
+@dataclass(frozen=True)
+class ObservationField:
+    """A run of numbers in the state vector.
+
+    Attributes:
+        name: what it is.
+        size: how many numbers.
+        bound: they lie in [-bound, bound].
+        unit: of each.
+    """
+
+    name: str
+    size: int
+    bound: float
+    unit: str
+
+
+def robot_fields(arms: int) -> tuple[ObservationField, ...]:
+    """The robot's part: 38 numbers for one arm, 68 for two (arm joints are those of a Panda)."""
+    joints = 1 + 9 * arms
+    return (
+        ObservationField("fingertip positions, world frame", 6 * arms, _FAR_M, "m"),
+        ObservationField("fingertip velocities, world frame", 6 * arms, _FAST, "m/s"),
+        ObservationField("base position x, y", 2, _FAR_M, "m"),
+        ObservationField("base yaw", 1, _ANGLE_RAD, "rad"),
+        ObservationField("base velocity x, y, world frame", 2, _FAST, "m/s"),
+        ObservationField("base yaw rate", 1, _FAST, "rad/s"),
+        ObservationField("lift, arm and finger positions", joints, _ANGLE_RAD, "m, rad"),
+        ObservationField("lift, arm and finger velocities", joints, _FAST, "m/s, rad/s"),
+    )
+
+
+def object_fields(max_joints: int) -> tuple[ObservationField, ...]:
+    """The object's part: its root, then its joints padded with zeros to a fixed number."""
+    return (
+        ObservationField("object root position, world frame", 3, _FAR_M, "m"),
+        ObservationField("object root orientation (w, x, y, z)", 4, 1.0, "1"),
+        ObservationField("object root linear velocity, world frame", 3, _FAST, "m/s"),
+        ObservationField("object root angular velocity, world frame", 3, _FAST, "rad/s"),
+        ObservationField("object joint positions", max_joints, _ANGLE_RAD, "m, rad"),
+        ObservationField("object joint velocities", max_joints, _FAST, "m/s, rad/s"),
+    )
+
+
+def robot_values(snapshot: Snapshot) -> list[Array]:
+    """The numbers of `robot_fields`, as arrays (B, n)."""
+    xp = array_namespace(snapshot.robot_qpos)
+    batch = snapshot.robot_qpos.shape[0]
+    qpos, qvel = snapshot.robot_qpos, snapshot.robot_qvel
+    return [
+        xp.reshape(snapshot.fingertip_position_w, (batch, -1)),
+        xp.reshape(snapshot.fingertip_velocity_w, (batch, -1)),
+        qpos[:, :3],
+        qvel[:, :3],
+        qpos[:, 3:],
+        qvel[:, 3:],
+    ]
+
+
+def field_bounds(fields: tuple[ObservationField, ...]) -> np.ndarray:
+    """The largest absolute value of each number, (D,) float32."""
+    return np.concatenate([np.full(f.size, f.bound, dtype=np.float32) for f in fields])

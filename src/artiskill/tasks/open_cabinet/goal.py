@@ -1,0 +1,106 @@
+"""The goal of the cabinet tasks: which joint, how far, and where its handle is."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.errors import AssetError, UnknownNameError
+from artiskill.geometry.rotations import Array, quat_to_matrix
+
+# A plane that every point lies inside of, far away: it pads hulls with fewer planes than their batch's largest.
+_NO_PLANE = np.array((0.0, 0.0, 0.0, -1e3))
+
+
+@dataclass(frozen=True, eq=False)
+class OpenGoal:
+    """What B episodes ask for; P handle points, F hull planes, G grasp poses. Handle data in the link's frame.
+
+    Attributes:
+        joint: (B,) index of the target among the object's joints.
+        link: (B,) index of its link.
+        lower: (B,) closed joint value, m or rad.
+        upper: (B,) largest joint value.
+        open_qpos: (B,) joint value from which it counts as open.
+        joint_axis: (B, 3) direction of opening (slides) or axis of turning (hinges).
+        joint_origin: (B, 3) point on that axis.
+        handle_points: (B, P, 3) surface samples.
+        handle_planes: (B, F, 4) convex hull, outward normal and offset.
+        grasp_positions: (B, G, 3) tool-centre points.
+        grasp_rotations: (B, G, 3, 3) hand orientations, columns are the hand's axes.
+        grasp_width_m: (B,) extent of the handle between the pads.
+    """
+
+    joint: Array
+    link: Array
+    lower: Array
+    upper: Array
+    open_qpos: Array
+    joint_axis: Array
+    joint_origin: Array
+    handle_points: Array
+    handle_planes: Array
+    grasp_positions: Array
+    grasp_rotations: Array
+    grasp_width_m: Array
+
+
+def make_open_goal(obj: ArticulatedObject, target: str, open_fraction: float) -> OpenGoal:
+    """The goal of opening one link of a cabinet, with B = 1. The link's first handle is the one that counts.
+
+    Raises:
+        UnknownNameError: the object has no such link.
+        AssetError: the link has no joint, no handle or no finite limits.
+    """
+    link_index = obj.link_index(target)
+    link, handles = obj.links[link_index], obj.handles_of(target)
+    if link.joint is None or not handles:
+        lacks = "no joint" if link.joint is None else "no handle"
+        raise AssetError(f"object {obj.id!r}: link {target!r} cannot be a target, it has {lacks}")
+    lower, upper = link.joint.limits
+    if not np.isfinite((lower, upper)).all() or upper <= lower:
+        raise AssetError(f"object {obj.id!r}: joint {link.joint.name!r} has the limits ({lower}, {upper})")
+    handle = handles[0]
+    return OpenGoal(
+        joint=np.array([obj.jointed_links.index(link_index)]),
+        link=np.array([link_index]),
+        lower=np.array([lower]),
+        upper=np.array([upper]),
+        open_qpos=np.array([lower + open_fraction * (upper - lower)]),
+        joint_axis=link.joint.axis[None],
+        joint_origin=link.joint.origin[None],
+        handle_points=handle.points[None],
+        handle_planes=handle.planes[None],
+        grasp_positions=handle.grasp_positions[None],
+        grasp_rotations=quat_to_matrix(handle.grasp_quaternions)[None],
+        grasp_width_m=np.array([handle.grasp_width_m]),
+    )
+
+
+def check_target(obj: ArticulatedObject, target: str | None, targets: tuple[str, ...]) -> None:
+    """Raise unless the object has targets and `target`, where given, is one of them."""
+    if not targets:
+        raise AssetError(
+            f"object {obj.id!r} has nothing to open in this task: no link with a handle moves this way; "
+            f"its links: {', '.join(link.name for link in obj.links)}"
+        )
+    if target is not None and target not in targets:
+        raise UnknownNameError("target link", target, targets, f"(object {obj.id!r})")
+
+
+def stack_goals(goals: Sequence[OpenGoal]) -> OpenGoal:
+    """One goal of B = sum of the goals' batches; hulls are padded to the largest number of planes."""
+    most = max(goal.handle_planes.shape[1] for goal in goals)
+    columns = {}
+    for f in fields(OpenGoal):
+        values = [getattr(goal, f.name) for goal in goals]
+        if f.name == "handle_planes":
+            values = [_pad_planes(v, most) for v in values]
+        columns[f.name] = np.concatenate(values)
+    return OpenGoal(**columns)
+
+
+def _pad_planes(planes: np.ndarray, count: int) -> np.ndarray:
+    padding = np.broadcast_to(_NO_PLANE, (len(planes), count - planes.shape[1], 4))
+    return np.concatenate((planes, padding), axis=1)

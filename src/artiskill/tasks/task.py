@@ -1,0 +1,57 @@
+"""`Task`: the functions that make up a task, assembled by a `make_<task>(config)`."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from artiskill.assets.articulated_object import ArticulatedObject, Category
+from artiskill.geometry.rotations import Array
+from artiskill.robots.config import RobotConfig
+from artiskill.scene.physics import PhysicsConfig
+from artiskill.sim.snapshot import Snapshot
+from artiskill.sim.states import InitialState
+from artiskill.tasks.fields import ObservationField
+
+Goal = Any  # each task has its own frozen dataclass, whose arrays have the batch dimension first
+Flags = dict[str, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A family of episodes; B is the batch dimension of snapshots and goals.
+
+    Attributes:
+        name: as in environment ids, `OpenCabinetDrawer`.
+        config: the resolved configuration (a frozen dataclass).
+        category: of its objects.
+        robot: who acts.
+        physics: how it is simulated.
+        episode_steps: environment steps until an episode is cut off.
+        hold_steps: consecutive steps that a flag must hold before it counts.
+        targets: object -> legal target links (possibly none), in a fixed order.
+        make_goal: (object, target) -> goal with B = 1.
+        sample_initial_state: (object, generator) -> where an episode starts.
+        flags: (snapshot, goal) -> name -> (B,) bool, each condition as it is at this instant.
+        reward_terms: (snapshot, goal) -> name -> (B,) unweighted terms of the dense reward.
+        reward_weights: name -> weight; the dense reward is the weighted sum.
+        observe_state: (snapshot, goal) -> (B, D) float32.
+        state_fields: what the D numbers are.
+    """
+
+    name: str
+    config: Any
+    category: Category
+    robot: RobotConfig
+    physics: PhysicsConfig
+    episode_steps: int
+    hold_steps: int
+    targets: Callable[[ArticulatedObject], tuple[str, ...]]
+    make_goal: Callable[[ArticulatedObject, str], Goal]
+    sample_initial_state: Callable[[ArticulatedObject, np.random.Generator], InitialState]
+    flags: Callable[[Snapshot, Goal], Flags]
+    reward_terms: Callable[[Snapshot, Goal], dict[str, Array]]
+    reward_weights: Mapping[str, float]
+    observe_state: Callable[[Snapshot, Goal], Array]
+    state_fields: tuple[ObservationField, ...]
