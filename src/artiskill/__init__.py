@@ -1,8 +1,35 @@
-"""ArtiSkill: does a manipulation policy generalise to objects it has never seen?"""
+"""ArtiSkill: does a manipulation policy generalise to objects it has never seen?
 
+Importing registers the environments with Gymnasium and does nothing else.
+"""
+
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from artiskill.envs.registration import register_envs
 
 try:
     __version__ = version("artiskill")
 except PackageNotFoundError:  # run from a source tree that is not installed
     __version__ = "0+unknown"
+
+# name -> module; looked up on first use, so that importing stays light
+_PUBLIC = {
+    "ArticulatedObject": "artiskill.assets.articulated_object",
+    "import_partnet": "artiskill.assets.partnet.importer",
+    "list_objects": "artiskill.assets.catalog",
+    "load_object": "artiskill.assets.catalog",
+    "evaluate": "artiskill.evaluation.evaluate",
+    "ManipulationEnv": "artiskill.envs.manipulation",
+}
+__all__ = ["__version__", *sorted(_PUBLIC)]  # noqa: PLE0604 - names resolved by __getattr__
+
+
+def __getattr__(name: str) -> Any:
+    if name in _PUBLIC:
+        return getattr(import_module(_PUBLIC[name]), name)
+    raise AttributeError(f"module 'artiskill' has no attribute {name!r}; public: {', '.join(__all__)}")
+
+
+register_envs()

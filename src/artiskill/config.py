@@ -32,7 +32,7 @@ def load_yaml(path: Path) -> dict[str, Any]:
         data = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"cannot read config file {str(path)!r}: {error.strerror}") from error
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ConfigError(f"{str(path)!r} is not valid YAML: {error}") from error
     if not isinstance(data, dict):
         raise ConfigError(f"{str(path)!r} must hold a mapping of keys to values, not {type(data).__name__}")
@@ -51,17 +51,13 @@ def from_mapping(cls: type[T], data: Mapping[str, Any], source: str = "config") 
         ConfigError: an unknown key (the nearest legal one is named), a missing key, a wrong type, or whatever
             the dataclasses' own checks find.
     """
-    _check_keys(cls, data, source)
+    fitted = _fit_dataclass(cls, data, source)
     try:
-        return dacite.from_dict(
-            cls,
-            data,
-            config=dacite.Config(cast=[tuple], type_hooks={float: _to_float, tuple[float, ...]: _to_floats}),
-        )
+        return dacite.from_dict(cls, fitted)
     except dacite.MissingValueError as error:
         raise ConfigError(f"{source}: key {error.field_path!r} is missing") from error
     except dacite.WrongTypeError as error:
-        wanted = getattr(error.field_type, "__name__", str(error.field_type))
+        wanted = _type_name(error.field_type)
         raise ConfigError(f"{source}: {error.field_path!r} must be {wanted}, not {error.value!r}") from error
     except dacite.DaciteError as error:
         raise ConfigError(f"{source}: {error}") from error
@@ -114,48 +110,79 @@ def check(condition: bool, message: str) -> None:
         raise ConfigError(message)
 
 
-def _check_keys(cls: Any, data: Any, where: str) -> None:
-    """Raise ConfigError at the first key, at any depth, that no dataclass field bears."""
-    if dataclasses.is_dataclass(cls):
-        _check_dataclass_keys(cls, data, where)
-        return
-    origin, arguments = typing.get_origin(cls), typing.get_args(cls)
+def _fit(kind: Any, value: Any, where: str) -> Any:
+    """`value` in the form that the annotation `kind` asks for: tuples for YAML's lists, floats for its integers.
+
+    What does not fit at all is left as it is, for dacite to refuse.
+
+    Args:
+        kind: a type annotation.
+        value: what YAML gave.
+        where: the way to the value, for error messages.
+
+    Raises:
+        ConfigError: a key, at any depth, that no field bears, or text where a number belongs.
+    """
+    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
+    if dataclasses.is_dataclass(kind):
+        return _fit_dataclass(kind, value, where)
+    if kind in (float, int):
+        return _fit_number(kind, value, where)
     if origin in (typing.Union, types.UnionType):
-        for option in arguments:
-            if dataclasses.is_dataclass(option) and isinstance(data, Mapping):
-                _check_keys(option, data, where)
-    elif origin in (tuple, list) and isinstance(data, list | tuple):
-        for i, item in enumerate(data):
-            _check_keys(arguments[0], item, f"{where}[{i}]")
-    elif origin is dict and isinstance(data, Mapping):
-        for key, item in data.items():
-            _check_keys(arguments[1], item, f"{where}: {key}")
+        return _fit_union(arguments, value, where)
+    if origin in (tuple, list) and isinstance(value, list | tuple):
+        items = arguments[:1] * len(value) if origin is list or arguments[1:] == (...,) else arguments
+        fitted = [_fit(a, v, f"{where}[{i}]") for i, (a, v) in enumerate(zip(items, value, strict=False))]
+        return origin((*fitted, *value[len(fitted) :]))
+    if origin in (dict, Mapping) and isinstance(value, Mapping):
+        return {key: _fit(arguments[1], item, f"{where}: {key}") for key, item in value.items()}
+    return value
 
 
-def _check_dataclass_keys(cls: Any, data: Any, where: str) -> None:
+def _fit_dataclass(cls: Any, data: Any, where: str) -> dict[str, Any]:
     if not isinstance(data, Mapping):
         raise ConfigError(f"{where} must be a mapping of keys to values, not {data!r}")
     hints = typing.get_type_hints(cls)
     legal = [f.name for f in dataclasses.fields(cls)]
-    for key, value in data.items():
+    for key in data:
         if key not in legal:
-            near = difflib.get_close_matches(str(key), legal, n=1)
-            hint = f"did you mean {near[0]!r}? " if near else ""
-            raise ConfigError(f"{where}: unknown key {key!r}; {hint}Legal: {', '.join(legal)}.")
-        _check_keys(hints[key], value, f"{where}: {key}")
+            raise ConfigError(f"{where}: unknown key {key!r}; {_nearest(key, legal)}Legal: {', '.join(legal)}.")
+    return {key: _fit(hints[key], value, f"{where}: {key}") for key, value in data.items()}
 
 
-def _to_float(value: Any) -> Any:
-    """Integers are legal where floats are; PyYAML reads `1e-3` as text, which is legal too."""
-    if isinstance(value, bool):
-        raise ConfigError(f"a number was expected, not {value!r}")
-    if isinstance(value, int | str):
-        try:
-            return float(value)
-        except ValueError as error:
-            raise ConfigError(f"a number was expected, not {value!r}") from error
+def _fit_union(options: tuple[Any, ...], value: Any, where: str) -> Any:
+    """Fit to the first option of the value's own sort, if there is one."""
+    if value is None or type(value) in options:
+        return value
+    for option in options:
+        origin = typing.get_origin(option) or option
+        is_sequence = origin in (tuple, list) and isinstance(value, list | tuple)
+        is_mapping = (dataclasses.is_dataclass(origin) or origin in (dict, Mapping)) and isinstance(value, Mapping)
+        is_number = origin in (float, int) and isinstance(value, int | float | str | bool)
+        if is_sequence or is_mapping or is_number:
+            return _fit(option, value, where)
     return value
 
 
-def _to_floats(values: Any) -> Any:
-    return tuple(_to_float(v) for v in values) if isinstance(values, list | tuple) else values
+def _fit_number(kind: type, value: Any, where: str) -> Any:
+    """Integers are legal where floats are; PyYAML reads `1e-3` as text, which is legal too; booleans are not."""
+    if isinstance(value, bool):
+        raise ConfigError(f"{where}: a number was expected, not {value!r}")
+    if kind is float and isinstance(value, int | str):
+        try:
+            return float(value)
+        except (ValueError, OverflowError) as error:
+            raise ConfigError(f"{where}: a number was expected, not {value!r}") from error
+    return value
+
+
+def _type_name(kind: Any) -> str:
+    """An annotation as a person writes it."""
+    if typing.get_origin(kind) is typing.Literal:
+        return "one of " + ", ".join(map(repr, typing.get_args(kind)))
+    return kind.__name__ if isinstance(kind, type) and not typing.get_args(kind) else str(kind)
+
+
+def _nearest(given: object, legal: list[str]) -> str:
+    near = difflib.get_close_matches(str(given), legal, n=1)
+    return f"did you mean {near[0]!r}? " if near else ""

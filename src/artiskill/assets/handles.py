@@ -31,14 +31,16 @@ def handle_from_mesh(
         hookable: whether a finger fits behind it.
 
     Raises:
-        AssetError: the mesh does not span a volume.
+        AssetError: the mesh does not span a volume, or `outward` has no direction.
     """
+    if not np.linalg.norm(outward) > 0:
+        raise AssetError(f"link {link_name!r}: its handle's outward direction is {np.asarray(outward)}")
     try:
         hull = convex_hull(mesh.vertices)
     except ValueError as error:
         raise AssetError(f"link {link_name!r}: its handle's mesh is flat or empty") from error
     outward = np.asarray(outward, dtype=float) / np.linalg.norm(outward)
-    along, across = _face_axes(hull.mesh.vertices, outward)
+    along, across = _face_axes(hull.mesh, outward)
     frame = np.stack((along, across, outward))  # rows: axes of the face
     low, high = (frame @ hull.mesh.vertices.T).min(axis=1), (frame @ hull.mesh.vertices.T).max(axis=1)
     centre = (low + high) / 2
@@ -58,14 +60,21 @@ def handle_from_mesh(
     )
 
 
-def _face_axes(vertices: np.ndarray, outward: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Long and short side of the smallest rectangle that holds the outline seen along `outward`."""
+def _face_axes(hull: TriMesh, outward: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Long and short side of the smallest rectangle that holds a convex mesh's outline, seen along `outward`.
+
+    A side of that rectangle lies along an edge of the outline (Freeman and Shapira, 1975), and the outline's edges
+    are edges of the mesh: trying the directions of all of these finds it.
+    """
     helper = np.array((0.0, 0.0, 1.0)) if abs(outward[2]) < 0.9 else np.array((1.0, 0.0, 0.0))
     u = np.cross(helper, outward)
     u /= np.linalg.norm(u)
     v = np.cross(outward, u)
-    flat = np.stack((vertices @ u, vertices @ v), axis=1)
-    angles = np.linspace(0.0, np.pi / 2, 91)[:-1]
+    flat = np.stack((hull.vertices @ u, hull.vertices @ v), axis=1)
+    edges = (flat[np.roll(hull.faces, -1, axis=1)] - flat[hull.faces]).reshape(-1, 2)
+    edges = edges[np.linalg.norm(edges, axis=1) > 1e-9]
+    # rounded before the modulo, lest an angle of -1e-17 becomes a right one; ties go to the least turned
+    angles = np.unique(np.round(np.arctan2(edges[:, 1], edges[:, 0]), 9) % round(np.pi / 2, 9))
     turns = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
     widths = np.ptp(flat @ turns.T, axis=0)
     heights = np.ptp(flat @ np.stack((-turns[:, 1], turns[:, 0])), axis=0)

@@ -1,16 +1,16 @@
 """`ManipulationEnv`: the Gymnasium face of a task, one episode at a time."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.catalog import load_object, resolve_objects
+from artiskill.envs.casting import Casting, ObjectChoice
 from artiskill.envs.rendering import WorldView
-from artiskill.errors import ActionError, AssetError, ConfigError, ResetNeededError, StateError, UnknownNameError
+from artiskill.errors import ActionError, ConfigError, ResetNeededError, StateError, UnknownNameError
 from artiskill.robots.actions import action_scale
 from artiskill.scene.cache import cached_scene
 from artiskill.sim.simulation import Simulation
@@ -22,12 +22,9 @@ from artiskill.tasks.progress import Progress
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Goal
 
-ObservationMode = Literal["state"]
-RewardMode = Literal["dense", "sparse"]
 OBSERVATION_MODES: tuple[str, ...] = ("state",)
 REWARD_MODES: tuple[str, ...] = ("dense", "sparse")
 RENDER_MODES: tuple[str, ...] = ("rgb_array",)
-ObjectChoice = str | ArticulatedObject | Sequence[str | ArticulatedObject]
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +98,7 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
         ConfigError: an unknown or illegal configuration value.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": list(RENDER_MODES), "render_fps": 20}
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 20}  # noqa: RUF012 - as in Gymnasium
 
     def __init__(
         self,
@@ -119,11 +116,7 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
             _check_name("render mode", render_mode, RENDER_MODES)
         self.task = make_task(task, config)
         self.obs_mode, self.reward_mode, self.render_mode = obs_mode, reward_mode, render_mode
-        self._choices = resolve_objects(objects, task=self.task.name)
-        self._fixed_target = target
-        if target is not None:
-            for choice in self._choices:
-                self._check_target(_load(choice), target)
+        self._casting = Casting(self.task, objects, target)
         self._scale = action_scale(self.task.robot)
         bounds = field_bounds(self.task.state_fields)
         self._bounds = bounds
@@ -157,8 +150,7 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
             level = check_level(level)
         super().reset(seed=seed)
         self._level = int(self.np_random.integers(MAX_LEVEL + 1)) if level is None else level
-        obj = self._draw_object(options.get("object"))
-        target = self._draw_target(obj, options.get("target", self._fixed_target))
+        obj, target = self._casting.draw(self._level, options.get("object"), options.get("target"))
         self._enter(obj, target)
         assert self._simulation is not None
         generator = level_generator(self._level, Stream.INITIAL_STATE)
@@ -187,7 +179,7 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
         truncated = bool(self._progress.elapsed[0] >= self.task.episode_steps) and not success
         return self._observe(), reward, success, truncated, info
 
-    def render(self) -> np.ndarray:  # type: ignore[override]
+    def render(self) -> np.ndarray:
         """The scene from the world camera, (480, 640, 3) uint8.
 
         Raises:
@@ -230,7 +222,7 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
             given = state.task if isinstance(state, EnvState) else type(state).__name__
             raise StateError(f"cannot restore a state of {given!r} into {self.task.name!r}")
         same = self._object is not None and self._object.id == state.object
-        obj = self._object if same and self._object is not None else self._find_object(state.object)
+        obj = self._object if same and self._object is not None else self._casting.find(state.object)
         self._enter(obj, state.target)
         assert self._simulation is not None
         self._simulation.restore(state.simulation)
@@ -256,38 +248,6 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
 
     # -- inside --------------------------------------------------------------------------------------------------
 
-    def _find_object(self, given: Any) -> ArticulatedObject:
-        """An object by id or as itself; ids of objects that were handed in are known too."""
-        for choice in self._choices:
-            if isinstance(choice, ArticulatedObject) and choice.id == given:
-                return choice
-        return _load(given)
-
-    def _draw_object(self, given: Any) -> ArticulatedObject:
-        if given is not None:
-            return self._find_object(given)
-        generator = level_generator(self._level, Stream.OBJECT)
-        return _load(self._choices[int(generator.integers(len(self._choices)))])
-
-    def _draw_target(self, obj: ArticulatedObject, given: str | None) -> str:
-        targets = self._check_target(obj, given)
-        if given is not None:
-            return given
-        return targets[int(level_generator(self._level, Stream.TARGET).integers(len(targets)))]
-
-    def _check_target(self, obj: ArticulatedObject, target: str | None) -> tuple[str, ...]:
-        if obj.category != self.task.category:
-            raise AssetError(f"object {obj.id!r}: {self.task.name} needs a {self.task.category}, not a {obj.category}")
-        targets = self.task.targets(obj)
-        if not targets:
-            raise AssetError(
-                f"object {obj.id!r} has no target for {self.task.name}: none of its links "
-                f"({', '.join(link.name for link in obj.links)}) moves that way and carries a handle"
-            )
-        if target is not None and target not in targets:
-            raise UnknownNameError("target link", target, targets, f"(object {obj.id!r}, {self.task.name})")
-        return targets
-
     def _enter(self, obj: ArticulatedObject, target: str) -> None:
         """Have the object's simulation and the target's goal at hand."""
         if self._simulation is None or self._object is not obj:
@@ -303,12 +263,13 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
             self._progress = Progress(1, names, self.task.hold_steps)
 
     def _check_action(self, action: Any) -> np.ndarray:
+        shape = self._scale.center.shape
         try:
             array = np.asarray(action, dtype=np.float64)
         except (TypeError, ValueError) as error:
-            raise ActionError(f"an action is {self.action_space.shape[0]} numbers, not {action!r}") from error
-        if array.shape != self.action_space.shape:
-            raise ActionError(f"an action has shape {self.action_space.shape}, not {array.shape}")
+            raise ActionError(f"an action is {shape[0]} numbers, not {action!r}") from error
+        if array.shape != shape:
+            raise ActionError(f"an action has shape {shape}, not {array.shape}")
         if not np.isfinite(array).all():
             bad = np.flatnonzero(~np.isfinite(array)).tolist()
             raise ActionError(f"an action has finite numbers; entries {bad} are {array[bad].tolist()}")
@@ -333,10 +294,6 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
             "reward_terms": values,
         }
         return info, sum(weights.get(name, 0.0) * value for name, value in values.items())
-
-
-def _load(choice: str | ArticulatedObject) -> ArticulatedObject:
-    return choice if isinstance(choice, ArticulatedObject) else load_object(choice)
 
 
 def _check_name(kind: str, given: object, legal: tuple[str, ...]) -> None:

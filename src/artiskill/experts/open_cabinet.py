@@ -12,7 +12,12 @@ import numpy as np
 
 from artiskill.config import CONFIG_DIR, load_config
 from artiskill.experts.whole_body import WholeBodyConfig, WholeBodyController
-from artiskill.geometry.rotations import quat_from_axis_angle, quat_from_matrix, quat_to_matrix, quat_to_rotation_vector
+from artiskill.geometry.rotations import (
+    quat_from_axis_angle,
+    quat_from_matrix,
+    quat_to_matrix,
+    quat_to_rotation_vector,
+)
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet.goal import OpenGoal
@@ -151,7 +156,7 @@ class OpenCabinetExpert:
     def _grasp(self, snapshot: Snapshot, goal: OpenGoal) -> _Frame:
         """The grasp pose in the world that is nearest to the hand, tilted down where the handle hangs low."""
         link = int(goal.link[0])
-        rotation = quat_to_matrix(snapshot.link_quaternion_w[0, link])
+        rotation = snapshot.link_rotation_w[0, link]
         position = snapshot.link_position_w[0, link] + rotation @ goal.grasp_positions[0, 0]
         candidates = rotation @ goal.grasp_rotations[0]  # (G, 3, 3)
         likeness = np.einsum("gij,ij->g", candidates, snapshot.tool_rotation_w[0, 0])
@@ -163,9 +168,7 @@ class OpenCabinetExpert:
         drop = np.clip((self._rest_offset[2] - height_m) / self.config.arm_reach_m, 0.0, 0.7)
         return quat_to_matrix(quat_from_axis_angle((0, 1, 0), float(np.arcsin(drop))))
 
-    def _twist(
-        self, snapshot: Snapshot, goal: OpenGoal, grasp: _Frame, tool: _Frame
-    ) -> tuple[np.ndarray, _Frame]:
+    def _twist(self, snapshot: Snapshot, goal: OpenGoal, grasp: _Frame, tool: _Frame) -> tuple[np.ndarray, _Frame]:
         """The hand's velocity in this phase, and the pose it is heading for."""
         config = self.config
         wanted, speed = grasp, config.reach_speed_m_s
@@ -176,7 +179,7 @@ class OpenCabinetExpert:
             speed = config.approach_speed_m_s
         elif self.phase is Phase.PULL:
             left = self._stop_qpos(goal) + 0.01 - float(snapshot.object_qpos[0, goal.joint[0]])
-            rotation = quat_to_matrix(snapshot.link_quaternion_w[0, int(goal.link[0])])
+            rotation = snapshot.link_rotation_w[0, int(goal.link[0])]
             pull = np.clip(config.position_gain_s * left, 0.0, config.pull_speed_m_s)
             feed = pull * (rotation @ goal.joint_axis[0])
             wanted = _Frame(grasp.position, tool.rotation)

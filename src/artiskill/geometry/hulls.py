@@ -4,10 +4,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from array_api_compat import array_namespace
 
+from artiskill.geometry.arrays import Array, namespace
 from artiskill.geometry.meshes import TriMesh
-from artiskill.geometry.rotations import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +62,6 @@ def depth_inside(planes: Array, points: Array) -> Array:
     Returns:
         (..., N) metres.
     """
-    xp = array_namespace(planes, points)
+    xp = namespace(planes, points)
     heights = points @ xp.matrix_transpose(planes[..., :3]) + planes[..., None, :, 3]
     return -xp.max(heights, axis=-1)

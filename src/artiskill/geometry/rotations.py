@@ -6,14 +6,13 @@ Shapes are written for one leading batch `(...)`; every function broadcasts. Qua
 from typing import Any
 
 import numpy as np
-from array_api_compat import array_namespace
 
-Array = Any  # a NumPy array or a torch tensor: whatever follows the Array API
+from artiskill.geometry.arrays import Array, namespace, norm
 
 
 def quat_multiply(a: Array, b: Array) -> Array:
     """Hamilton product `a * b`: first rotate by `b`, then by `a`. (..., 4) x (..., 4) -> (..., 4)."""
-    xp = array_namespace(a, b)
+    xp = namespace(a, b)
     aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
     bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
     return xp.stack(
@@ -29,13 +28,13 @@ def quat_multiply(a: Array, b: Array) -> Array:
 
 def quat_conjugate(q: Array) -> Array:
     """The inverse rotation. (..., 4) -> (..., 4)."""
-    xp = array_namespace(q)
+    xp = namespace(q)
     return q * xp.asarray((1.0, -1.0, -1.0, -1.0), dtype=q.dtype)
 
 
 def quat_rotate(q: Array, v: Array) -> Array:
     """Rotate vectors: (..., 4) x (..., 3) -> (..., 3)."""
-    xp = array_namespace(q, v)
+    xp = namespace(q, v)
     w, u = q[..., :1], q[..., 1:]
     t = 2.0 * cross(u, v, xp)
     return v + w * t + cross(u, t, xp)
@@ -50,7 +49,7 @@ def cross(a: Array, b: Array, xp: Any) -> Array:
 
 def quat_to_matrix(q: Array) -> Array:
     """(..., 4) -> rotation matrices (..., 3, 3), whose columns are the rotated axes."""
-    xp = array_namespace(q)
+    xp = namespace(q)
     w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
     rows = (
         (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
@@ -62,16 +61,15 @@ def quat_to_matrix(q: Array) -> Array:
 
 def quat_angle(a: Array, b: Array) -> Array:
     """Angle of the rotation between two orientations, in [0, pi]. (..., 4) x (..., 4) -> (...)."""
-    xp = array_namespace(a, b)
-    difference = quat_multiply(quat_conjugate(a), b)
-    # atan2 keeps its accuracy at small angles, where acos of the scalar part loses it
-    sine = xp.sqrt(xp.sum(difference[..., 1:] ** 2, axis=-1))
-    return 2.0 * xp.atan2(sine, xp.abs(difference[..., 0]))
+    xp = namespace(a, b)
+    # the chord between unit quaternions is 2 sin(angle / 4): accurate at small angles, where acos is not
+    chord = xp.minimum(norm(a - b), norm(a + b))
+    return 4.0 * xp.asin(0.5 * chord)
 
 
 def quat_to_rotation_vector(q: Array) -> Array:
     """Axis times angle, the angle in [0, pi]. (..., 4) -> (..., 3)."""
-    xp = array_namespace(q)
+    xp = namespace(q)
     q = xp.where(q[..., :1] < 0, -q, q)
     sine = xp.sqrt(xp.sum(q[..., 1:] ** 2, axis=-1, keepdims=True))
     angle = 2.0 * xp.atan2(sine, q[..., :1])

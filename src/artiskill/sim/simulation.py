@@ -41,7 +41,7 @@ class Simulation:
         """Live views of the engine's arrays, made once."""
         bind = self._batch.bind
         self._qpos, self._qvel, self._ctrl, self._time = bind("qpos"), bind("qvel"), bind("ctrl"), bind("time")
-        self._xpos, self._xquat = bind("xpos"), bind("xquat")
+        self._xpos, self._xquat, self._xmat = bind("xpos"), bind("xquat"), bind("xmat")
         self._anchor, self._axis = bind("xanchor"), bind("xaxis")
         self._site_position, self._site_rotation = bind("site_xpos"), bind("site_xmat")
         self._body_velocity, self._subtree_com = bind("cvel"), bind("subtree_com")
@@ -107,6 +107,7 @@ class Simulation:
             object_qvel=self._qvel[:, index.object_joints].copy(),
             link_position_w=position[:, index.object_bodies],
             link_quaternion_w=quaternion[:, index.object_bodies],
+            link_rotation_w=self._xmat[:, index.object_bodies].reshape(self.num_envs, -1, 3, 3).copy(),
             previous_link_position_w=self._previous_position.copy(),
             previous_link_quaternion_w=self._previous_quaternion.copy(),
             body_position_w=position,

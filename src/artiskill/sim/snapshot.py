@@ -6,7 +6,7 @@ one step ago are part of it, so that asking twice answers the same.
 
 from dataclasses import dataclass
 
-from artiskill.geometry.rotations import Array
+from artiskill.geometry.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +31,7 @@ class Snapshot:
         object_qvel: (B, J).
         link_position_w: (B, L, 3) frames of the object's links.
         link_quaternion_w: (B, L, 4).
+        link_rotation_w: (B, L, 3, 3) the same orientations as matrices.
         previous_link_position_w: (B, L, 3) one environment step ago; at the first state, that state's.
         previous_link_quaternion_w: (B, L, 4).
         body_position_w: (B, N, 3) of everything that is drawn.
@@ -52,6 +53,7 @@ class Snapshot:
     object_qvel: Array
     link_position_w: Array
     link_quaternion_w: Array
+    link_rotation_w: Array
     previous_link_position_w: Array
     previous_link_quaternion_w: Array
     body_position_w: Array

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from array_api_compat import array_namespace
 
-from artiskill.geometry.rotations import Array
+from artiskill.geometry.arrays import Array, namespace
 from artiskill.sim.snapshot import Snapshot
 
 # Values are clipped to their field's bounds, so that spaces are finite. Nothing in a sane episode reaches them:
@@ -59,7 +58,7 @@ def object_fields(max_joints: int) -> tuple[ObservationField, ...]:
 
 def robot_values(snapshot: Snapshot) -> list[Array]:
     """The numbers of `robot_fields`, as arrays (B, n)."""
-    xp = array_namespace(snapshot.robot_qpos)
+    xp = namespace(snapshot.robot_qpos)
     batch = snapshot.robot_qpos.shape[0]
     qpos, qvel = snapshot.robot_qpos, snapshot.robot_qvel
     return [

@@ -6,8 +6,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.errors import AssetError, UnknownNameError
-from artiskill.geometry.rotations import Array, quat_to_matrix
+from artiskill.errors import AssetError
+from artiskill.geometry.arrays import Array
+from artiskill.geometry.rotations import quat_to_matrix
 
 # A plane that every point lies inside of, far away: it pads hulls with fewer planes than their batch's largest.
 _NO_PLANE = np.array((0.0, 0.0, 0.0, -1e3))
@@ -18,6 +19,7 @@ class OpenGoal:
     """What B episodes ask for; P handle points, F hull planes, G grasp poses. Handle data in the link's frame.
 
     Attributes:
+        row: (B,) 0 to B - 1, so that `values[goal.row, goal.link]` is each environment's own entry.
         joint: (B,) index of the target among the object's joints.
         link: (B,) index of its link.
         lower: (B,) closed joint value, m or rad.
@@ -32,6 +34,7 @@ class OpenGoal:
         grasp_width_m: (B,) extent of the handle between the pads.
     """
 
+    row: Array
     joint: Array
     link: Array
     lower: Array
@@ -63,6 +66,7 @@ def make_open_goal(obj: ArticulatedObject, target: str, open_fraction: float) ->
         raise AssetError(f"object {obj.id!r}: joint {link.joint.name!r} has the limits ({lower}, {upper})")
     handle = handles[0]
     return OpenGoal(
+        row=np.array([0]),
         joint=np.array([obj.jointed_links.index(link_index)]),
         link=np.array([link_index]),
         lower=np.array([lower]),
@@ -78,17 +82,6 @@ def make_open_goal(obj: ArticulatedObject, target: str, open_fraction: float) ->
     )
 
 
-def check_target(obj: ArticulatedObject, target: str | None, targets: tuple[str, ...]) -> None:
-    """Raise unless the object has targets and `target`, where given, is one of them."""
-    if not targets:
-        raise AssetError(
-            f"object {obj.id!r} has nothing to open in this task: no link with a handle moves this way; "
-            f"its links: {', '.join(link.name for link in obj.links)}"
-        )
-    if target is not None and target not in targets:
-        raise UnknownNameError("target link", target, targets, f"(object {obj.id!r})")
-
-
 def stack_goals(goals: Sequence[OpenGoal]) -> OpenGoal:
     """One goal of B = sum of the goals' batches; hulls are padded to the largest number of planes."""
     most = max(goal.handle_planes.shape[1] for goal in goals)
@@ -98,6 +91,7 @@ def stack_goals(goals: Sequence[OpenGoal]) -> OpenGoal:
         if f.name == "handle_planes":
             values = [_pad_planes(v, most) for v in values]
         columns[f.name] = np.concatenate(values)
+    columns["row"] = np.arange(len(columns["joint"]))
     return OpenGoal(**columns)
 
 

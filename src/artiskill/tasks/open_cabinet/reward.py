@@ -8,14 +8,12 @@ longer asks for takes its best value there.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from array_api_compat import array_namespace
-
 from artiskill.config import check
+from artiskill.geometry.arrays import Array, clamp, namespace
 from artiskill.geometry.hulls import depth_inside
-from artiskill.geometry.rotations import Array, quat_to_matrix
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet.goal import OpenGoal
-from artiskill.tasks.open_cabinet.success import SuccessConfig, open_flags, pick, target_speed
+from artiskill.tasks.open_cabinet.success import SuccessConfig, flags_of, target_speed
 
 _STAGES = 4
 _LINE_SAMPLES = (0.0, 0.25, 0.5, 0.75, 1.0)  # along the fingers' mid-line, for its depth in the handle's hull
@@ -53,25 +51,25 @@ def open_reward_terms(
     snapshot: Snapshot, goal: OpenGoal, config: RewardConfig, success: SuccessConfig
 ) -> dict[str, Array]:
     """Unweighted terms, each (B,); see the task's page for their ranges."""
-    xp = array_namespace(snapshot.object_qpos)
+    xp = namespace(snapshot.object_qpos)
     distance, depth = handle_proximity(snapshot, goal)
-    flags = open_flags(snapshot, goal, success)
+    speed, angular_speed = target_speed(snapshot, goal)
+    flags = flags_of(snapshot, goal, success, speed, angular_speed)
     is_open = flags["open_enough"]
     is_close = xp.all(distance <= config.close_distance_m, axis=-1) & (depth > 0)
     still_closed = ~is_open
     stage = xp.where(is_open, xp.where(flags["cabinet_static"], 3, 2), xp.where(is_close, 1, 0))
-    speed, angular_speed = target_speed(snapshot, goal)
-    qpos, qvel = pick(snapshot.object_qpos, goal.joint), pick(snapshot.object_qvel, goal.joint)
-    progress = _ramp(qpos, goal.lower, goal.open_qpos - goal.lower, xp)
+    qpos, qvel = snapshot.object_qpos[goal.row, goal.joint], snapshot.object_qvel[goal.row, goal.joint]
+    progress = clamp((qpos - goal.lower) / (goal.open_qpos - goal.lower), 0.0, 1.0)
     pulling = is_close & still_closed
     return {
         "hand_angle": hand_angle(snapshot, goal) * (still_closed & ~is_close),
-        "handle_distance": xp.clip(xp.mean(distance, axis=-1), 0.0, _FAR_M) * still_closed,
-        "enclosure": (_ramp(depth, *_ENCLOSED_M, xp) - 1.0) * still_closed,
+        "handle_distance": clamp(xp.mean(distance, axis=-1), 0.0, _FAR_M) * still_closed,
+        "enclosure": (_ramp(depth, *_ENCLOSED_M) - 1.0) * still_closed,
         "stage": xp.take(xp.asarray(config.stage_bonus, dtype=qpos.dtype), stage),
-        "opening_speed": _ramp(qvel, *_OPENING_SPEED, xp) * pulling,
-        "opening": xp.where(is_open, xp.ones_like(progress), progress * pulling),
-        "link_speed": xp.clip(speed + 0.5 * angular_speed, 0.0, 1.0) * is_open,
+        "opening_speed": _ramp(qvel, *_OPENING_SPEED) * pulling,
+        "opening": xp.where(is_open, 1.0, progress * pulling),
+        "link_speed": clamp(speed + 0.5 * angular_speed, 0.0, 1.0) * is_open,
     }
 
 
@@ -82,17 +80,17 @@ def handle_proximity(snapshot: Snapshot, goal: OpenGoal) -> tuple[Array, Array]:
         (B, 2) least distance of each finger's line to the handle's points, and (B,) greatest depth of the fingers'
         mid-line in the handle's hull (positive inside), both in metres.
     """
-    xp = array_namespace(snapshot.link_position_w)
-    rotation = quat_to_matrix(pick(snapshot.link_quaternion_w, goal.link))  # (B, 3, 3)
-    origin = pick(snapshot.link_position_w, goal.link)[:, None, :]
+    xp = namespace(snapshot.link_position_w)
+    rotation = snapshot.link_rotation_w[goal.row, goal.link]  # (B, 3, 3)
+    origin = snapshot.link_position_w[goal.row, goal.link][:, None, :]
     start = (snapshot.finger_line_start_w[:, :2] - origin) @ rotation  # (B, 2, 3), in the link's frame
     tip = (snapshot.fingertip_position_w[:, :2] - origin) @ rotation
-    line = (tip - start)[:, :, None, :]
+    line = (tip - start)[:, :, :, None]  # (B, 2, 3, 1)
     to_points = goal.handle_points[:, None, :, :] - start[:, :, None, :]  # (B, 2, P, 3)
-    along = xp.clip(xp.sum(to_points * line, axis=-1) / xp.sum(line * line, axis=-1), 0.0, 1.0)
-    gap = to_points - along[..., None] * line
+    along = clamp(to_points @ line / (xp.matrix_transpose(line) @ line), 0.0, 1.0)  # (B, 2, P, 1)
+    gap = to_points - along * line[:, :, None, :, 0]
     distance = xp.sqrt(xp.min(xp.sum(gap * gap, axis=-1), axis=-1))
-    middle_start, middle_tip = xp.mean(start, axis=1, keepdims=True), xp.mean(tip, axis=1, keepdims=True)
+    middle_start, middle_tip = 0.5 * (start[:, :1] + start[:, 1:]), 0.5 * (tip[:, :1] + tip[:, 1:])
     fractions = xp.asarray(_LINE_SAMPLES, dtype=start.dtype)[None, :, None]
     samples = middle_start + fractions * (middle_tip - middle_start)  # (B, 5, 3)
     return distance, xp.max(depth_inside(goal.handle_planes, samples), axis=-1)
@@ -100,13 +98,13 @@ def handle_proximity(snapshot: Snapshot, goal: OpenGoal) -> tuple[Array, Array]:
 
 def hand_angle(snapshot: Snapshot, goal: OpenGoal) -> Array:
     """Angle between the hand and the nearest of the handle's grasp poses, over pi: (B,) in [0, 1]."""
-    xp = array_namespace(snapshot.tool_rotation_w)
-    rotation = quat_to_matrix(pick(snapshot.link_quaternion_w, goal.link))
+    xp = namespace(snapshot.tool_rotation_w)
+    rotation = snapshot.link_rotation_w[goal.row, goal.link]
     hand = xp.matrix_transpose(rotation) @ snapshot.tool_rotation_w[:, 0]  # in the link's frame
     trace = xp.sum(hand[:, None] * goal.grasp_rotations, axis=(-2, -1))  # (B, G)
-    return xp.acos(xp.clip((xp.max(trace, axis=-1) - 1.0) / 2.0, -1.0, 1.0)) / xp.pi
+    return xp.acos(clamp((xp.max(trace, axis=-1) - 1.0) / 2.0, -1.0, 1.0)) / xp.pi
 
 
-def _ramp(value: Array, start: Array, width: Array, xp: object) -> Array:
+def _ramp(value: Array, start: float, width: float) -> Array:
     """0 up to `start`, rising to 1 at `start + width`."""
-    return xp.clip((value - start) / width, 0.0, 1.0)  # type: ignore[attr-defined]
+    return clamp((value - start) / width, 0.0, 1.0)

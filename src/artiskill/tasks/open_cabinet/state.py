@@ -1,10 +1,9 @@
 """The `state` observation of the cabinet tasks."""
 
 import numpy as np
-from array_api_compat import array_namespace
 
 from artiskill.errors import AssetError
-from artiskill.geometry.rotations import Array
+from artiskill.geometry.arrays import Array, namespace
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.fields import ObservationField, object_fields, robot_fields, robot_values
 from artiskill.tasks.open_cabinet.goal import OpenGoal
@@ -22,7 +21,7 @@ def observe_cabinet_state(snapshot: Snapshot, goal: OpenGoal, max_joints: int) -
     Raises:
         AssetError: the object has more joints than the vector has slots.
     """
-    xp = array_namespace(snapshot.object_qpos)
+    xp = namespace(snapshot.object_qpos)
     batch, joints = snapshot.object_qpos.shape
     if joints > max_joints:
         raise AssetError(

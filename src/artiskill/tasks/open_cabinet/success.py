@@ -2,10 +2,9 @@
 
 from dataclasses import dataclass
 
-from array_api_compat import array_namespace
-
 from artiskill.config import check
-from artiskill.geometry.rotations import Array, quat_angle
+from artiskill.geometry.arrays import Array, norm
+from artiskill.geometry.rotations import quat_angle
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet.goal import OpenGoal
 
@@ -33,24 +32,22 @@ class SuccessConfig:
 
 def open_flags(snapshot: Snapshot, goal: OpenGoal, config: SuccessConfig) -> dict[str, Array]:
     """`open_enough` and `cabinet_static`, each (B,) bool, at this instant."""
-    speed, angular_speed = target_speed(snapshot, goal)
+    return flags_of(snapshot, goal, config, *target_speed(snapshot, goal))
+
+
+def flags_of(
+    snapshot: Snapshot, goal: OpenGoal, config: SuccessConfig, speed: Array, angular_speed: Array
+) -> dict[str, Array]:
+    """`open_flags` where the target's speeds are known already."""
     return {
-        "open_enough": pick(snapshot.object_qpos, goal.joint) >= goal.open_qpos,
+        "open_enough": snapshot.object_qpos[goal.row, goal.joint] >= goal.open_qpos,
         "cabinet_static": (speed <= config.max_speed_m_s) & (angular_speed <= config.max_angular_speed_rad_s),
     }
 
 
 def target_speed(snapshot: Snapshot, goal: OpenGoal) -> tuple[Array, Array]:
     """Speed (m/s) and angular speed (rad/s) of the target link over the last environment step, (B,) each."""
-    xp = array_namespace(snapshot.link_position_w)
-    moved = pick(snapshot.link_position_w, goal.link) - pick(snapshot.previous_link_position_w, goal.link)
-    turned = quat_angle(
-        pick(snapshot.previous_link_quaternion_w, goal.link), pick(snapshot.link_quaternion_w, goal.link)
-    )
-    return xp.sqrt(xp.sum(moved * moved, axis=-1)) / snapshot.step_s, turned / snapshot.step_s
-
-
-def pick(values: Array, index: Array) -> Array:
-    """`values[b, index[b]]` for every b: (B, K, ...) and (B,) -> (B, ...)."""
-    xp = array_namespace(values)
-    return values[xp.arange(values.shape[0]), index]
+    row, link = goal.row, goal.link
+    moved = snapshot.link_position_w[row, link] - snapshot.previous_link_position_w[row, link]
+    turned = quat_angle(snapshot.previous_link_quaternion_w[row, link], snapshot.link_quaternion_w[row, link])
+    return norm(moved) / snapshot.step_s, turned / snapshot.step_s

@@ -1,0 +1,60 @@
+# Every target makes its own environment in .venv first; nothing but python3 and make is needed beforehand.
+#   make demo                      the main job, start to finish
+#   make test PYTHON=python3.12    with another Python
+#   make test VENV=.venv-other     in another environment
+PYTHON ?= python3
+VENV ?= .venv
+WORKERS ?= 2
+
+bootstrap = @$(PYTHON) tools/bootstrap.py --venv $(VENV)
+python = $(VENV)/bin/python
+
+.DEFAULT_GOAL := help
+.PHONY: help setup setup-dev demo test test-slow lint types format bench clean clean-env
+
+help: ## show this list
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
+
+setup: ## install ArtiSkill and what the demo needs
+	$(bootstrap)
+
+setup-dev: ## install everything for working on ArtiSkill
+	$(bootstrap) dev test
+
+demo: ## open drawers of unseen cabinets; report and moving picture in results/demo
+	$(bootstrap)
+	$(VENV)/bin/artiskill evaluate --task OpenCabinetDrawer --policy expert --objects test --episodes 2 \
+		--video results/demo/episode.gif --out results/demo
+
+test: ## run the tests that take seconds
+	$(bootstrap) test
+	$(python) -m pytest -n $(WORKERS)
+
+test-slow: ## run the tests that take minutes
+	$(bootstrap) test
+	$(python) -m pytest -n $(WORKERS) -m slow
+
+lint: ## check style and layout
+	$(bootstrap) dev
+	$(python) -m ruff check .
+	$(python) -m ruff format --check .
+
+types: ## check types
+	$(bootstrap) dev
+	$(python) -m mypy
+
+format: ## lay out the code and mend what can be mended
+	$(bootstrap) dev
+	$(python) -m ruff check --fix .
+	$(python) -m ruff format .
+
+bench: ## measure speed: every script in benchmarks/
+	$(bootstrap) test
+	@set -e; for script in benchmarks/*.py; do echo "== $$script"; $(python) "$$script"; done
+
+clean: ## remove results and caches
+	rm -rf results build dist .pytest_cache .mypy_cache .ruff_cache
+	find src tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
+
+clean-env: ## remove the environment too
+	rm -rf $(VENV)

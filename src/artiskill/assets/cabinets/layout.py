@@ -1,0 +1,258 @@
+"""The front as a tree of splits, drawn at random and then resolved into cells and the boards between them."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from artiskill.assets.cabinets.config import CabinetConfig, FamilyConfig
+from artiskill.assets.cabinets.spec import CellKind, FrontStyle, Rect
+
+MAX_DEPTH = 3
+# Between the fronts of a stack of inset drawers lie rails, as in joiners' chests.
+RAIL_DEPTH_M = 0.07
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """A field of the front that is not split any more; `shelves` lie within open cells and behind doors."""
+
+    kind: CellKind
+    shelves: int = 0
+
+
+@dataclass(frozen=True)
+class Split:
+    """A region cut into rows (top to bottom) or columns (left to right, as seen from the room).
+
+    Attributes:
+        axis: which way.
+        sizes_m: clear height of each row, or width of each column; the last takes what is left.
+        children: as many as sizes.
+        divider: a whole board between neighbours, a rail at the front only, or nothing.
+    """
+
+    axis: Literal["rows", "columns"]
+    sizes_m: tuple[float, ...]
+    children: tuple["Node", ...]
+    divider: Literal["board", "rail", "none"]
+
+
+Node = Leaf | Split
+
+
+@dataclass(frozen=True)
+class Edge:
+    """What bounds a region on one side.
+
+    Attributes:
+        kind: the carcass's `outer` panel, a `divider`, nothing (`free`: the next front follows), or the
+            overhanging top (`under`), which fronts cannot cover.
+        thickness_m: of that board.
+    """
+
+    kind: Literal["outer", "divider", "free", "under"]
+    thickness_m: float
+
+
+@dataclass(frozen=True)
+class Region:
+    """A clear opening with its four edges."""
+
+    rect: Rect
+    left: Edge
+    right: Edge
+    bottom: Edge
+    top: Edge
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A leaf with its region, or (leaf None) a divider with its rectangle in `region` and its kind."""
+
+    leaf: Leaf | None
+    region: Region
+    divider: Literal["board", "rail", "none"] = "none"
+
+
+class Composer:
+    """Draws the tree of splits for one cabinet."""
+
+    def __init__(
+        self, rng: np.random.Generator, config: CabinetConfig, family: FamilyConfig, panel_m: float, inset: bool
+    ) -> None:
+        """Keep what all regions share."""
+        self._rng = rng
+        self._config = config
+        self._family = family
+        self._panel_m = panel_m
+        self._inset = inset
+
+    def compose(self, width: float, height: float, depth: int = 0) -> Node:
+        """What a clear region of this size becomes."""
+        weights = {k: w for k, w in self._family.layouts.items() if self._fits(k, width, height, depth)}
+        kind = draw(self._rng, weights) if sum(weights.values()) > 0 else "open"
+        if kind == "columns":
+            return self._columns(width, height, depth)
+        if kind == "stack":
+            return self._stack(width, height, depth)
+        return self._fill(kind, width, height)
+
+    def _fits(self, kind: str, width: float, height: float, depth: int) -> bool:
+        c = self._config
+        if kind == "columns":
+            return depth < 2 and width >= 2.2 * c.door_width_m[0] and height >= c.door_height_m[0]
+        if kind == "stack":
+            return depth < MAX_DEPTH - 1 and height >= 2.6 * c.drawer_height_m[0]
+        if kind == "drawers":
+            return self._drawer_counts(height) != [] and _within(width, c.drawer_width_m)
+        if kind == "door":
+            least, most = c.door_width_m
+            return _within(height, c.door_height_m) and least <= width <= 2 * most
+        return True
+
+    def _columns(self, width: float, height: float, depth: int) -> Split:
+        least = self._config.door_width_m[0]
+        most = 3 if width >= 3.2 * least else 2
+        count = int(self._rng.integers(2, most + 1))
+        clear = width - (count - 1) * self._panel_m
+        parts = np.ones(count)
+        if self._rng.random() < 0.5:
+            spare = clear / least / count  # how much a column may shrink
+            parts = self._rng.uniform(1.0, min(1.8, spare), count)
+        sizes = _rounded(clear * parts / parts.sum())
+        children = tuple(self.compose(w, height, depth + 1) for w in sizes)
+        return Split("columns", sizes, children, "board")
+
+    def _stack(self, width: float, height: float, depth: int) -> Split:
+        c = self._config
+        tops = dict(c.stack_tops)
+        if not _within(width, c.drawer_width_m):
+            tops["drawers"] = 0.0
+        kind = draw(self._rng, tops)
+        low, high = c.drawer_height_m
+        most = min(0.22 if kind != "open" else 0.32, height - 1.3 * low, high)
+        top = round(float(self._rng.uniform(low, max(low, most))), 4)
+        rest = round(height - top - self._panel_m, 4)
+        upper = self._drawer_row(width) if kind == "drawers" else Leaf("open" if kind == "open" else "blind")
+        return Split("rows", (top, rest), (upper, self.compose(width, rest, depth + 1)), "board")
+
+    def _fill(self, kind: str, width: float, height: float) -> Node:
+        if kind == "drawers":
+            return self._drawers(width, height)
+        if kind == "door":
+            shelves = int(self._rng.integers(0, 3)) if height > 0.45 else int(self._rng.integers(0, 2))
+            least, most = self._config.door_width_m
+            pair = width >= 2 * least and (width > most or self._rng.random() < 0.4)
+            if not pair:
+                return Leaf("door", shelves)
+            half = round(width / 2, 4)
+            return Split("columns", (half, half), (Leaf("door", shelves), Leaf("door", shelves)), "none")
+        if kind == "open":
+            return Leaf("open", int(height / 0.35))
+        return Leaf("blind")
+
+    def _drawer_row(self, width: float) -> Node:
+        """One drawer, or two or three side by side."""
+        least = self._config.drawer_width_m[0] + self._panel_m
+        most = min(3, int(width / least))
+        count = int(self._rng.integers(2, most + 1)) if most >= 2 and self._rng.random() < 0.35 else 1
+        if count == 1:
+            return Leaf("drawer")
+        size = round((width - (count - 1) * self._panel_m) / count, 4)
+        return Split("columns", (size,) * count, (Leaf("drawer"),) * count, "board")
+
+    def _drawer_counts(self, height: float) -> list[int]:
+        low, high = self._config.drawer_height_m
+        return [n for n in range(1, 6) if low <= (height - (n - 1) * self._panel_m) / n <= high]
+
+    def _drawers(self, width: float, height: float) -> Node:
+        """A stack of drawers: of equal height, or growing downwards as in most chests."""
+        counts = self._drawer_counts(height)
+        count = int(self._rng.choice(counts))
+        if count == 1:
+            return Leaf("drawer")
+        divider: Literal["rail", "none"] = "rail" if self._inset else "none"
+        clear = height - (count - 1) * (self._panel_m if self._inset else 0.0)
+        low, high = self._config.drawer_height_m
+        parts = np.ones(count)
+        if self._rng.random() < 0.6:
+            grown = np.cumsum(np.concatenate(([1.0], self._rng.uniform(0.0, 0.5, count - 1))))
+            grown_m = clear * grown / grown.sum()
+            parts = grown if grown_m.min() >= low and grown_m.max() <= high else parts
+        sizes = _rounded(clear * parts / parts.sum())
+        children: list[Node] = [Leaf("drawer")] * count
+        if width > 0.6:
+            children[0] = self._drawer_row(width)
+        return Split("rows", sizes, tuple(children), divider)
+
+
+def resolve(node: Node, region: Region, panel_m: float) -> Iterator[Placed]:
+    """Walk the tree; yield the leaves with their clear openings, and the dividers between them."""
+    if isinstance(node, Leaf):
+        yield Placed(node, region)
+        return
+    thickness = 0.0 if node.divider == "none" else panel_m
+    inner = Edge("free" if node.divider == "none" else "divider", thickness)
+    rows = node.axis == "rows"
+    r = region.rect
+    at = r.z1 if rows else r.y1  # rows go down, columns to the right, which is towards -y
+    last = len(node.children) - 1
+    for k, (size, child) in enumerate(zip(node.sizes_m, node.children, strict=True)):
+        end = (r.z0 if rows else r.y0) if k == last else at - size
+        if rows:
+            rect = replace(r, z0=end, z1=at)
+            part = replace(
+                region,
+                rect=rect,
+                top=region.top if k == 0 else inner,
+                bottom=region.bottom if k == last else inner,
+            )
+        else:
+            rect = replace(r, y0=end, y1=at)
+            part = replace(
+                region,
+                rect=rect,
+                left=region.left if k == 0 else inner,
+                right=region.right if k == last else inner,
+            )
+        yield from resolve(child, part, panel_m)
+        if k < last and thickness > 0:
+            slit = replace(r, z0=end - thickness, z1=end) if rows else replace(r, y0=end - thickness, y1=end)
+            yield Placed(None, replace(region, rect=slit), node.divider)
+        at = end - thickness
+
+
+def front_rect(region: Region, front: FrontStyle) -> Rect:
+    """The rectangle of the panel that closes a region, slits left free all around it."""
+    left, right, bottom, top = (
+        _reach(edge, front) for edge in (region.left, region.right, region.bottom, region.top)
+    )
+    r = region.rect
+    return Rect(round(r.y0 - right, 5), round(r.y1 + left, 5), round(r.z0 - bottom, 5), round(r.z1 + top, 5))
+
+
+def _reach(edge: Edge, front: FrontStyle) -> float:
+    """How far a front reaches over the clear opening's edge; negative: how far it stays away."""
+    half = front.gap_m / 2
+    if edge.kind == "free":
+        return -half
+    if front.mount == "inset" or edge.kind == "under":
+        return -front.gap_m
+    return (edge.thickness_m if edge.kind == "outer" else edge.thickness_m / 2) - half
+
+
+def draw(rng: np.random.Generator, weights: dict[str, float]) -> str:
+    """One key, by its weight."""
+    names = list(weights)
+    p = np.array([weights[n] for n in names], dtype=float)
+    return names[int(rng.choice(len(names), p=p / p.sum()))]
+
+
+def _rounded(values: np.ndarray) -> tuple[float, ...]:
+    return tuple(round(float(v), 4) for v in values)
+
+
+def _within(value: float, limits: tuple[float, float]) -> bool:
+    return limits[0] <= value <= limits[1]

@@ -1,0 +1,117 @@
+"""Which end of a joint's range is closed, and the joint rewritten so that closed is its lower limit, 0.
+
+The data set draws its objects closed, and most joints start at 0. Where one does not, the closed end is decided by
+these rules, and a warning says so:
+
+1. The drawn pose (0) is at one end of the range: that end is closed.
+2. It is inside the range, or outside: closed is the end at which the link stands out less towards the front (-x).
+
+Only cabinets close; joints of chairs and buckets keep their drawn pose and their limits.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from artiskill.assets.articulated_object import JointKind
+from artiskill.assets.partnet.bodies import Body, body_poses, transform
+from artiskill.assets.partnet.urdf import UrdfJoint
+from artiskill.errors import AssetError
+
+_SMALL = 1e-6  # radians or file units: joint values that are equal
+
+
+@dataclass(frozen=True)
+class RestJoint:
+    """A joint relative to its rest pose.
+
+    Attributes:
+        kind: as in `Joint`.
+        value: the file's joint value at rest.
+        sign: -1 where the axis is turned round, else 1.
+        limits: relative to rest, along the possibly turned axis, in file units or radians.
+    """
+
+    kind: JointKind
+    value: float
+    sign: int
+    limits: tuple[float, float]
+
+
+def rest_joints(
+    bodies: tuple[Body, ...], points: list[np.ndarray], closes: bool, where: str
+) -> tuple[list[RestJoint | None], list[str]]:
+    """The rest pose of each body's joint, None for the root, and warnings.
+
+    Args:
+        bodies: of the object.
+        points: (N, 3) per body, its vertices in its frame; N may be 0.
+        closes: whether the object's joints have a closed end.
+        where: the object, for messages.
+
+    Raises:
+        AssetError: a joint's limits are degenerate.
+    """
+    rest: list[RestJoint | None] = []
+    warnings: list[str] = []
+    for index, body in enumerate(bodies):
+        if body.joint is None:
+            rest.append(None)
+            continue
+        kind: JointKind = "prismatic" if body.joint.kind == "prismatic" else "revolute"
+        lower, upper = check_limits(body.joint, where)
+        joint = RestJoint(kind, 0.0, 1, (lower, upper))
+        if closes and np.isinf(lower):
+            warnings.append(f"joint {body.joint.name!r} of {body.name!r} turns without end: it has no closed pose")
+        elif closes:
+            joint, said = _close(kind, lower, upper, lambda value, i=index: _front(bodies, points, i, value))
+            warnings += [f"joint {body.joint.name!r} of {body.name!r}: {text}" for text in said]
+        rest.append(joint)
+    return rest, warnings
+
+
+def check_limits(joint: UrdfJoint, where: str) -> tuple[float, float]:
+    """Lower and upper limit as written; infinite for joints that turn without end.
+
+    Raises:
+        AssetError: the limits are missing, equal, in the wrong order, or infinite where they must not be.
+    """
+    if joint.kind == "continuous":
+        return -np.inf, np.inf
+    name = f"{where}: joint {joint.name!r} ({joint.kind}, moves {joint.child!r})"
+    if joint.limits is None:
+        raise AssetError(f"{name} has no <limit>; it must have lower < upper")
+    lower, upper = joint.limits
+    if joint.kind == "revolute" and lower == -np.inf and upper == np.inf:
+        return lower, upper
+    if not (np.isfinite(lower) and np.isfinite(upper)):
+        raise AssetError(f"{name} has infinite limits ({lower:g}, {upper:g}); they must be finite")
+    if upper - lower < _SMALL:
+        raise AssetError(f"{name} has degenerate limits ({lower:g}, {upper:g}); lower must be less than upper")
+    return lower, upper
+
+
+def _close(kind: JointKind, lower: float, upper: float, front) -> tuple[RestJoint, list[str]]:  # type: ignore[no-untyped-def]
+    """The joint that rests at its closed end; `front(value)` is how far the link stands out at a joint value."""
+    span = upper - lower
+    limits = (0.0, span)
+    if abs(lower) < _SMALL:
+        return RestJoint(kind, 0.0, 1, limits), []
+    given = f"limits ({lower:g}, {upper:g})"
+    if abs(upper) < _SMALL:
+        said = f"{given} put the drawn pose at the upper limit: it is taken as closed, the axis turned round"
+        return RestJoint(kind, 0.0, -1, limits), [said]
+    outside = "inside" if lower < 0 < upper else "outside"
+    if front(upper) < front(lower) - _SMALL:
+        said = f"{given}, drawn pose {outside} them: the upper limit, which stands out less, is taken as closed"
+        return RestJoint(kind, upper, -1, limits), [said]
+    said = f"{given}, drawn pose {outside} them: the lower limit, which stands out less, is taken as closed"
+    return RestJoint(kind, lower, 1, limits), [said]
+
+
+def _front(bodies: tuple[Body, ...], points: list[np.ndarray], index: int, value: float) -> float:
+    """How far (file units) a body stands out towards -x with its joint at a value, all others at 0."""
+    if not len(points[index]):
+        return 0.0
+    values = [value if i == index else 0.0 for i in range(len(bodies))]
+    return float(-transform(body_poses(bodies, values)[index], points[index])[:, 0].min())

@@ -1,0 +1,186 @@
+"""The part of URDF that PartNet-Mobility uses, read into plain values: links, meshes, joints.
+
+Frames and units are the file's: each link has its own frame, lengths are unscaled, angles radians.
+"""
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from artiskill.errors import AssetError
+from artiskill.geometry.rotations import quat_from_rpy, quat_to_matrix
+
+JOINT_TYPES = ("fixed", "revolute", "continuous", "prismatic")
+
+
+@dataclass(frozen=True, eq=False)
+class UrdfMesh:
+    """A mesh of a link.
+
+    Attributes:
+        name: the element's name, `handle-15` say, or None (older folders).
+        file: path relative to the object's folder, as written.
+        pose: (4, 4) of the mesh in the link's frame.
+        scale: (3,) factors on the file's coordinates.
+    """
+
+    name: str | None
+    file: str
+    pose: np.ndarray
+    scale: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class UrdfJoint:
+    """A joint: the child's frame sits at `pose` in the parent's, then moves along or about `axis` (child frame).
+
+    `limits` is (lower, upper) as written, or None where the file has none.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    pose: np.ndarray
+    axis: np.ndarray
+    limits: tuple[float, float] | None
+
+
+@dataclass(frozen=True, eq=False)
+class UrdfModel:
+    """Links (name to drawn meshes) and joints, both in the file's order; `root` is the link without a parent."""
+
+    links: dict[str, tuple[UrdfMesh, ...]]
+    joints: tuple[UrdfJoint, ...]
+    root: str
+
+
+def read_urdf(path: Path) -> UrdfModel:
+    """Read a URDF file whose geometry is meshes.
+
+    Raises:
+        AssetError: the file is missing or no XML; a link, joint, mesh or number in it is not as it must be; the
+            links are not one tree.
+    """
+    where = f"{path.parent.name}/{path.name}"
+    if not path.is_file():
+        raise AssetError(f"PartNet folder {str(path.parent)!r} has no file {path.name!r}; it must hold one")
+    try:
+        robot = ET.fromstring(path.read_bytes())
+    except ET.ParseError as error:
+        raise AssetError(f"{where} is not valid XML: {error}") from error
+    if robot.tag != "robot":
+        raise AssetError(f"{where}: the root element must be <robot>, not <{robot.tag}>")
+    links: dict[str, tuple[UrdfMesh, ...]] = {}
+    for element in robot.findall("link"):
+        name = _attribute(element, "name", where)
+        if name in links:
+            raise AssetError(f"{where}: two links are named {name!r}")
+        links[name] = tuple(_read_mesh(visual, f"{where}: link {name!r}") for visual in element.findall("visual"))
+    joints = tuple(_read_joint(element, where) for element in robot.findall("joint"))
+    return UrdfModel(links, joints, _check_tree(links, joints, where))
+
+
+def pose_matrix(position: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """(3,) and (3, 3) to a homogeneous (4, 4)."""
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation, position
+    return pose
+
+
+def _check_tree(links: dict[str, tuple[UrdfMesh, ...]], joints: tuple[UrdfJoint, ...], where: str) -> str:
+    """The root link's name; raises AssetError unless the joints make one tree of all links."""
+    parent_of: dict[str, str] = {}
+    for joint in joints:
+        for end in (joint.parent, joint.child):
+            if end not in links:
+                raise AssetError(
+                    f"{where}: joint {joint.name!r} names the link {end!r}, which does not exist; "
+                    f"links: {', '.join(links)}"
+                )
+        if joint.child in parent_of:
+            raise AssetError(f"{where}: link {joint.child!r} has two parent joints; it may have one")
+        parent_of[joint.child] = joint.parent
+    roots = [name for name in links if name not in parent_of]
+    if len(roots) != 1:
+        raise AssetError(f"{where}: exactly one link must have no parent joint, but {roots or 'none'} have none")
+    for name in links:
+        seen = {name}
+        while name in parent_of:
+            name = parent_of[name]
+            if name in seen:
+                raise AssetError(f"{where}: the joints above link {name!r} make a loop")
+            seen.add(name)
+    return roots[0]
+
+
+def _read_mesh(visual: ET.Element, where: str) -> UrdfMesh:
+    mesh = visual.find("geometry/mesh")
+    if mesh is None:
+        found = [child.tag for child in visual.findall("geometry/*")]
+        raise AssetError(f"{where}: a <visual> must have a <geometry> with a <mesh>; it has {found or 'none'}")
+    scale = _numbers(mesh.get("scale", "1 1 1"), 3, f"{where}: mesh scale")
+    if np.any(scale == 0):
+        raise AssetError(f"{where}: a mesh scale of 0 is not legal: {mesh.get('scale')!r}")
+    return UrdfMesh(visual.get("name"), _attribute(mesh, "filename", where), _read_pose(visual, where), scale)
+
+
+def _read_joint(element: ET.Element, where: str) -> UrdfJoint:
+    name = _attribute(element, "name", where)
+    where = f"{where}: joint {name!r}"
+    kind = _attribute(element, "type", where)
+    if kind not in JOINT_TYPES:
+        raise AssetError(f"{where} has the unknown type {kind!r}; legal: {', '.join(JOINT_TYPES)}")
+    ends = []
+    for tag in ("parent", "child"):
+        end = element.find(tag)
+        if end is None:
+            raise AssetError(f"{where} has no <{tag} link=...>")
+        ends.append(_attribute(end, "link", where))
+    axis_element = element.find("axis")
+    axis = _numbers("1 0 0" if axis_element is None else axis_element.get("xyz", ""), 3, f"{where}: axis")
+    length = float(np.linalg.norm(axis))
+    if kind != "fixed" and length < 1e-9:
+        raise AssetError(f"{where} has an axis of length 0")
+    limit = element.find("limit")
+    limits = None
+    if limit is not None:
+        lower, upper = (_numbers(limit.get(side, "0"), 1, f"{where}: {side} limit") for side in ("lower", "upper"))
+        limits = (float(lower[0]), float(upper[0]))
+    return UrdfJoint(
+        name, kind, ends[0], ends[1], _read_pose(element, where), axis / max(length, 1e-9), limits
+    )
+
+
+def _read_pose(element: ET.Element, where: str) -> np.ndarray:
+    origin = element.find("origin")
+    if origin is None:
+        return np.eye(4)
+    xyz = _numbers(origin.get("xyz", "0 0 0"), 3, f"{where}: origin xyz")
+    rpy = _numbers(origin.get("rpy", "0 0 0"), 3, f"{where}: origin rpy")
+    _require_finite(np.concatenate((xyz, rpy)), f"{where}: origin")
+    return pose_matrix(xyz, quat_to_matrix(quat_from_rpy(rpy)))
+
+
+def _attribute(element: ET.Element, key: str, where: str) -> str:
+    value = element.get(key)
+    if not value:
+        raise AssetError(f"{where}: <{element.tag}> has no attribute {key!r}")
+    return value
+
+
+def _numbers(text: str, count: int, what: str) -> np.ndarray:
+    try:
+        values = np.array([float(word) for word in text.split()])
+    except ValueError as error:
+        raise AssetError(f"{what} must be {count} numbers, not {text!r}") from error
+    if len(values) != count or np.isnan(values).any():
+        raise AssetError(f"{what} must be {count} numbers, not {text!r}")
+    return values
+
+
+def _require_finite(values: np.ndarray, what: str) -> None:
+    if not np.isfinite(values).all():
+        raise AssetError(f"{what} must be finite, not {values.tolist()}")

@@ -1,0 +1,79 @@
+"""Casting: which object and which target link an episode has, out of what the user allows."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.assets.catalog import load_object, resolve_objects
+from artiskill.errors import AssetError, UnknownNameError
+from artiskill.tasks.levels import Stream, level_generator
+from artiskill.tasks.task import Task
+
+ObjectChoice = str | ArticulatedObject | Sequence[str | ArticulatedObject]
+
+
+class Casting:
+    """Draws object and target of a level.
+
+    Args:
+        task: decides which links are legal targets.
+        objects: a split, an id, a list of ids, or `ArticulatedObject`s.
+        target: a fixed target link, or None to let the level draw one.
+
+    Raises:
+        UnknownNameError: no such split or object, or an object without this target.
+        AssetError: an object of another category, or with nothing to do in this task.
+    """
+
+    def __init__(self, task: Task, objects: ObjectChoice, target: str | None = None) -> None:
+        self.task = task
+        self.choices = resolve_objects(objects, task=task.name)
+        self.fixed_target = target
+        for choice in self.choices:
+            if target is not None or isinstance(choice, ArticulatedObject):
+                self._check_target(_load(choice), target)
+
+    def draw(
+        self, level: int, object_choice: Any = None, target: str | None = None
+    ) -> tuple[ArticulatedObject, str]:
+        """Object and target link of a level; either may be given instead.
+
+        Raises:
+            UnknownNameError: an unknown object or target link.
+            AssetError: an object that does not fit the task.
+        """
+        if object_choice is None:
+            generator = level_generator(level, Stream.OBJECT)
+            object_choice = self.choices[int(generator.integers(len(self.choices)))]
+        obj = self.find(object_choice)
+        target = self.fixed_target if target is None else target
+        targets = self._check_target(obj, target)
+        if target is None:
+            target = targets[int(level_generator(level, Stream.TARGET).integers(len(targets)))]
+        return obj, target
+
+    def find(self, given: str | ArticulatedObject) -> ArticulatedObject:
+        """An object by its id or as itself; ids of objects that were handed in are known too."""
+        for choice in self.choices:
+            if isinstance(choice, ArticulatedObject) and choice.id == given:
+                return choice
+        return _load(given)
+
+    def _check_target(self, obj: ArticulatedObject, target: str | None) -> tuple[str, ...]:
+        name = self.task.name
+        if obj.category != self.task.category:
+            raise AssetError(f"object {obj.id!r}: {name} needs a {self.task.category}, not a {obj.category}")
+        targets = self.task.targets(obj)
+        if not targets:
+            links = ", ".join(link.name for link in obj.links)
+            raise AssetError(
+                f"object {obj.id!r} has no target for {name}: none of its links ({links}) moves that way and "
+                "carries a handle"
+            )
+        if target is not None and target not in targets:
+            raise UnknownNameError("target link", target, targets, f"(object {obj.id!r}, {name})")
+        return targets
+
+
+def _load(choice: str | ArticulatedObject) -> ArticulatedObject:
+    return choice if isinstance(choice, ArticulatedObject) else load_object(choice)

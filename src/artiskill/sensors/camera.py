@@ -1,0 +1,130 @@
+"""Pinhole cameras: pose, lens and the matrices that users need to re-project."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from artiskill.config import check
+
+# sides below this (relative to unit vectors) count as parallel: the view direction and `up` then fix no roll
+_PARALLEL = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A pinhole camera with square pixels and its principal point in the middle of the image.
+
+    The camera frame is the one of OpenGL and MuJoCo: x to the right, y up, z backwards; it looks along -z. Pixel
+    (row r, column c) has its centre at (c + 0.5, r + 0.5); row 0 is the top.
+
+    Attributes:
+        position_w: (3,) optical centre, metres.
+        rotation_w: (3, 3) columns are the camera's right, up and backward directions.
+        width: pixels.
+        height: pixels.
+        fov_rad: vertical field of view, radians, in (0, pi).
+        near_m: what is closer along the optical axis is not seen.
+        far_m: what is farther along the optical axis is not seen.
+
+    Raises:
+        ConfigError: a value out of range, not finite, or a matrix that is no rotation.
+    """
+
+    position_w: np.ndarray
+    rotation_w: np.ndarray
+    width: int
+    height: int
+    fov_rad: float = math.radians(60)
+    near_m: float = 0.1
+    far_m: float = 10.0
+
+    def __post_init__(self) -> None:
+        position = np.ascontiguousarray(self.position_w, dtype=np.float64)
+        rotation = np.ascontiguousarray(self.rotation_w, dtype=np.float64)
+        object.__setattr__(self, "position_w", position)
+        object.__setattr__(self, "rotation_w", rotation)
+        check(position.shape == (3,), f"camera position must have shape (3,), not {position.shape}")
+        check(bool(np.isfinite(position).all()), f"camera position must be finite, not {position.tolist()}")
+        check(rotation.shape == (3, 3), f"camera rotation must have shape (3, 3), not {rotation.shape}")
+        check(_is_rotation(rotation), f"camera rotation must be a rotation matrix, not {rotation.tolist()}")
+        for side, pixels in (("width", self.width), ("height", self.height)):
+            legal = isinstance(pixels, int | np.integer) and not isinstance(pixels, bool) and pixels >= 1
+            check(legal, f"camera {side} must be a whole number of pixels, at least 1, not {pixels!r}")
+        check(0 < self.fov_rad < math.pi, f"camera fov_rad must lie in (0, pi), not {self.fov_rad!r}")
+        check(
+            0 < self.near_m < self.far_m < math.inf,
+            f"camera must have 0 < near_m < far_m, not near_m={self.near_m!r}, far_m={self.far_m!r}",
+        )
+
+    @classmethod
+    def look_at(cls, eye: Any, target: Any, up: Any = (0.0, 0.0, 1.0), **lens: Any) -> "Camera":
+        """A camera at `eye` whose optical axis passes through `target`.
+
+        Args:
+            eye: (3,) optical centre, world, metres.
+            target: (3,) a point in the middle of the image.
+            up: (3,) what points up in the image; where it is parallel to the view, +x takes its place (+z, should
+                the view go along x).
+            **lens: `width`, `height` and the further fields of `Camera`.
+
+        Raises:
+            ConfigError: eye and target coincide, or a value is illegal.
+        """
+        eye, target = np.asarray(eye, dtype=np.float64), np.asarray(target, dtype=np.float64)
+        backward = eye - target
+        check(
+            backward.shape == (3,) and _length(backward) > 0,
+            f"look_at needs two different points, not {eye.tolist()} and {target.tolist()}",
+        )
+        backward = backward / _length(backward)
+        for direction in (np.asarray(up, dtype=np.float64), np.eye(3)[0], np.eye(3)[2]):
+            right = np.cross(direction, backward)
+            if _length(right) > _PARALLEL * _length(direction):
+                break
+        right = right / _length(right)
+        return cls(eye, np.stack((right, np.cross(backward, right), backward), axis=1), **lens)
+
+    @property
+    def focal_px(self) -> float:
+        """Focal length in pixels, the same in both directions."""
+        return 0.5 * self.height / math.tan(0.5 * self.fov_rad)
+
+    @property
+    def intrinsics(self) -> np.ndarray:
+        """(3, 3) matrix K of the OpenCV convention: pixel = K X / X_z for X with x right, y down, z forward."""
+        f = self.focal_px
+        return np.array([[f, 0.0, self.width / 2], [0.0, f, self.height / 2], [0.0, 0.0, 1.0]])
+
+    @property
+    def extrinsics(self) -> np.ndarray:
+        """(4, 4) world to OpenCV camera frame (x right, y down, z forward): what `intrinsics` expects."""
+        rotation = (self.rotation_w * np.array([1.0, -1.0, -1.0])).T
+        matrix = np.eye(4)
+        matrix[:3, :3] = rotation
+        matrix[:3, 3] = -(rotation * self.position_w).sum(axis=1)
+        return matrix
+
+    def lens(self, samples_per_axis: int = 1) -> np.ndarray:
+        """(5,) what the kernels read: focal length, centre x, centre y (pixels), near, far (metres).
+
+        Args:
+            samples_per_axis: with s, the image counts s times as many pixels along each side.
+        """
+        s = samples_per_axis
+        return np.array(
+            [self.focal_px * s, self.width * s / 2, self.height * s / 2, self.near_m, self.far_m], dtype=np.float64
+        )
+
+
+def _length(v: np.ndarray) -> float:
+    # written out: BLAS norms may differ in the last bit between machines
+    return math.sqrt(float(v[0]) ** 2 + float(v[1]) ** 2 + float(v[2]) ** 2)
+
+
+def _is_rotation(matrix: np.ndarray) -> bool:
+    if not np.isfinite(matrix).all():
+        return False
+    orthonormal = np.abs(matrix.T @ matrix - np.eye(3)).max() < 1e-6
+    return bool(orthonormal and np.linalg.det(matrix) > 0)
