@@ -127,7 +127,7 @@ def test_neighbouring_triangles_leave_no_gap(make, rng):
     n = 40
     grid = np.stack(np.meshgrid(np.linspace(-4, 4, n), np.linspace(-4, 4, n), indexing="ij"), axis=-1)
     grid = grid + rng.uniform(-0.06, 0.06, grid.shape)
-    vertices = np.column_stack((rng.uniform(0, 0.02, n * n), grid.reshape(-1, 2) + (0, 1)))
+    vertices = np.column_stack((rng.uniform(0, 0.02, n * n), grid.reshape(-1, 2) + np.array((0, 1))))
     quads = np.arange(n * n).reshape(n, n)
     a, b, c, d = (q.reshape(-1) for q in (quads[:-1, :-1], quads[1:, :-1], quads[1:, 1:], quads[:-1, 1:]))
     mesh = TriMesh(vertices, np.concatenate((np.stack((a, b, c), 1), np.stack((a, c, d), 1))))
@@ -200,6 +200,7 @@ def test_texture_stands_upright(make):
         (0, 0, 255),
         (255, 255, 0),
     )
+    texture = texture.repeat(8, axis=0).repeat(8, axis=1)
     sheet = make.visual(make.sheet().transformed((0, 0, 1)), colour=(1, 1, 1), texture=texture)
     for quality in ("fast", "picture"):
         renderer = Renderer([sheet], load_render_config(quality, {"shadows.enabled": False}))
@@ -274,6 +275,39 @@ def test_wrong_requests_are_named(little_scene):
     broken[4, 1] = np.nan
     with pytest.raises(StateError, match="body 4 is not finite"):
         renderer.render(broken, poses[1], [scene.camera])
+
+
+_DIGEST = """
+import hashlib
+import numpy as np
+from artiskill.assets.articulated_object import Material, VisualMesh
+from artiskill.geometry.meshes import box, sphere
+from artiskill.sensors.camera import Camera
+from artiskill.sensors.render_config import load_render_config
+from artiskill.sensors.renderer import CHANNELS, Renderer
+from artiskill.sensors.triangle_soup import BodyVisual
+
+def digest():
+    red = Material("red", (0.8, 0.1, 0.1, 1.0))
+    visuals = [BodyVisual(0, VisualMesh(m, red, "p")) for m in (box((0.3, 0.2, 0.5)), sphere(0.45))]
+    camera = Camera.look_at((-2, -1, 1.5), (0, 0, 0.5), width=96, height=64)
+    total = hashlib.sha256()
+    for quality in ("fast", "picture"):
+        renderer = Renderer(visuals, load_render_config(quality))
+        images = renderer.render(np.array([(0, 0, 0.5)]), np.array([(0.8, 0, 0, 0.6)]), [camera], CHANNELS)
+        for channel in CHANNELS:
+            total.update(images[channel].tobytes())
+    return total.hexdigest()
+"""
+
+
+def test_two_processes_give_the_same_bits():
+    here: dict = {}
+    exec(_DIGEST, here)
+    there = subprocess.run(
+        [sys.executable, "-c", _DIGEST + "\nprint(digest())"], capture_output=True, text=True, check=True
+    )
+    assert there.stdout.strip() == here["digest"]()
 
 
 @pytest.mark.slow

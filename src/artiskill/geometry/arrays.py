@@ -20,10 +20,11 @@ def namespace(*arrays: Array) -> Any:
 
 
 def clamp(values: Array, low: float, high: float) -> Array:
-    """Values limited to [low, high]; much faster than `clip` on small arrays."""
+    """Values limited to [low, high]; on small NumPy arrays much faster than `clip`."""
     xp = namespace(values)
-    low, high = xp.asarray(low, dtype=values.dtype), xp.asarray(high, dtype=values.dtype)
-    return xp.minimum(xp.maximum(values, low), high)
+    if xp is np:
+        return np.minimum(np.maximum(values, low), high)
+    return xp.clip(values, low, high)
 
 
 def norm(vectors: Array) -> Array:

@@ -5,7 +5,6 @@ from functools import cached_property
 from typing import Any
 
 import mujoco
-import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, VisualMesh
 from artiskill.robots.config import RobotConfig
@@ -35,19 +34,19 @@ class SceneIndex:
         robot: the R robot joints, in qpos, qvel and joint arrays alike (all have one degree of freedom).
         object_joints: the J object joints, in qpos and qvel.
         object_bodies: the L links, in body arrays, in the object's order.
-        fingertip_sites: (T,) two per arm.
-        finger_line_sites: (T,) in the same order.
-        fingertip_bodies: (T,) bodies that the fingertips belong to.
-        tool_sites: (A,) one per arm.
+        finger_lines: in the sensor data, (T, 2, 3) positions of each finger line's start and tip.
+        fingertip_velocities: in the sensor data, (T, 3).
+        tool_positions: in the sensor data, (A, 3).
+        tool_axes: in the sensor data, (A, 3, 3), one axis of the hand per row.
     """
 
     robot: slice
     object_joints: slice
     object_bodies: slice
-    fingertip_sites: np.ndarray
-    finger_line_sites: np.ndarray
-    fingertip_bodies: np.ndarray
-    tool_sites: np.ndarray
+    finger_lines: slice
+    fingertip_velocities: slice
+    tool_positions: slice
+    tool_axes: slice
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,10 +98,11 @@ def build_scene(robot: RobotConfig, obj: ArticulatedObject, physics: PhysicsConf
     set_contact(ground, Group.GROUND, Group.LOOSE, physics.contact.ground_friction, physics)
     robot_part = add_robot(spec, robot)
     _set_robot_contacts(spec, robot_part, physics)
+    sensors = _add_sensors(spec, robot_part)
     object_part = add_object(spec, obj, physics)
     set_joint_limits_solver(spec.joints, physics)
     model = spec.compile()
-    return Scene(model, _resolve(model, robot_part, object_part), physics, robot_part, obj)
+    return Scene(model, _resolve(model, robot_part, object_part, sensors), physics, robot_part, obj)
 
 
 def _set_robot_contacts(spec: Any, robot: RobotPart, physics: PhysicsConfig) -> None:
@@ -119,19 +119,39 @@ def _set_robot_contacts(spec: Any, robot: RobotPart, physics: PhysicsConfig) -> 
         spec.geom(name).priority = 1
 
 
-def _resolve(model: Any, robot: RobotPart, obj: ObjectPart) -> SceneIndex:
+def _add_sensors(spec: Any, robot: RobotPart) -> dict[str, slice]:
+    """Frame sensors of the gripper's sites; the engine fills one array of them faster than Python gathers many.
+
+    Returns:
+        Where each group is in the sensor data; the names are those of `SceneIndex`.
+    """
+    kind = mujoco.mjtSensor
+    lines = [site for pair in zip(robot.finger_line_sites, robot.fingertip_sites, strict=True) for site in pair]
+    axes = (kind.mjSENS_FRAMEXAXIS, kind.mjSENS_FRAMEYAXIS, kind.mjSENS_FRAMEZAXIS)
+    groups = {
+        "finger_lines": [(kind.mjSENS_FRAMEPOS, site) for site in lines],
+        "fingertip_velocities": [(kind.mjSENS_FRAMELINVEL, site) for site in robot.fingertip_sites],
+        "tool_positions": [(kind.mjSENS_FRAMEPOS, site) for site in robot.tool_sites],
+        "tool_axes": [(axis, site) for site in robot.tool_sites for axis in axes],
+    }
+    where, start = {}, 0
+    for group, sensors in groups.items():
+        for number, (sensor, site) in enumerate(sensors):
+            spec.add_sensor(name=f"{group}{number}", type=sensor, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site)
+        where[group] = slice(start, start + 3 * len(sensors))
+        start += 3 * len(sensors)
+    return where
+
+
+def _resolve(model: Any, robot: RobotPart, obj: ObjectPart, sensors: dict[str, slice]) -> SceneIndex:
     joints = [model.joint(name).id for name in (*robot.joints, *obj.joints)]
     assert joints == list(range(model.njnt)), "robot joints first, then the object's, in their own order"
     assert model.nq == model.nv == model.njnt, "every joint has one degree of freedom"
     bodies = [model.body(name).id for name in obj.bodies]
     assert bodies == list(range(bodies[0], bodies[0] + len(bodies))), "object links are contiguous"
-    tips = np.array([model.site(name).id for name in robot.fingertip_sites])
     return SceneIndex(
         robot=slice(0, len(robot.joints)),
         object_joints=slice(len(robot.joints), len(joints)),
         object_bodies=slice(bodies[0], bodies[0] + len(bodies)),
-        fingertip_sites=tips,
-        finger_line_sites=np.array([model.site(name).id for name in robot.finger_line_sites]),
-        fingertip_bodies=model.site_bodyid[tips],
-        tool_sites=np.array([model.site(name).id for name in robot.tool_sites]),
+        **sensors,
     )

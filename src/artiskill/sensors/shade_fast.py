@@ -41,7 +41,7 @@ def shade_fast(
         planes: (F, 5, 3) float32 scratch, see `set_up_face`.
         rgb: (H, W, 3) uint8, written.
     """
-    ready = np.zeros(planes.shape[0], dtype=np.bool_)
+    state = np.zeros(planes.shape[0], dtype=np.uint8)  # 0: not set up, 1: plain, 2: textured
     per_px = np.float32(1.0 / view.lens[0])
     centre_x, centre_y = np.float32(view.lens[1] - 0.5), np.float32(view.lens[2] - 0.5)
     for row in range(triangle.shape[0]):
@@ -53,26 +53,26 @@ def shade_fast(
                 for k in range(3):
                     rgb[row, column, k] = plain[kind, k]
                 continue
-            if not ready[t]:
+            if state[t] == 0:
                 set_up_face(surface, view, light, t, planes[t])
-                ready[t] = True
+                state[t] = 2 if surface.textures[surface.face_geom[t], 1] > 0 else 1
             x = (np.float32(column) - centre_x) * per_px
             z = np.float32(1.0) / inverse_depth[row, column]
             texel = -1
-            texture = surface.textures[surface.face_geom[t]]
-            if texture[1] > 0:
-                texel = texel_row(texture, z * linear(planes[t, 3], x, y), z * linear(planes[t, 4], x, y))
+            if state[t] == 2:
+                u, v = z * linear(planes, t, 3, x, y), z * linear(planes, t, 4, x, y)
+                texel = texel_row(surface.textures[surface.face_geom[t]], u, v)
             for k in range(3):
-                value = z * linear(planes[t, k], x, y)
+                value = z * linear(planes, t, k, x, y)
                 if texel >= 0:
                     value *= np.float32(surface.texels[texel, k]) * np.float32(1.0 / 255.0)
                 rgb[row, column, k] = np.uint8(min(max(value, np.float32(0.0)), np.float32(255.0)))
 
 
 @kernel
-def linear(plane: Array, x: np.floating, y: np.floating) -> np.floating:
-    """A function that is linear over the screen."""
-    return plane[0] * x + plane[1] * y + plane[2]
+def linear(planes: Array, t: int, k: int, x: np.floating, y: np.floating) -> np.floating:
+    """Function k of face t, linear over the screen."""
+    return planes[t, k, 0] * x + planes[t, k, 1] * y + planes[t, k, 2]
 
 
 @kernel

@@ -66,14 +66,14 @@ class PictureShader:
 
     @staticmethod
     def _look_up(count: int, q: Samples, maps: list[ShadowMap], visible: np.ndarray) -> None:
-        """Mean visibility through several maps, each weighted by how much it faces the surface; 1 without maps."""
-        visible[:count] = 1.0 if not maps else 0.0
-        if not maps:
-            return
+        """Mean visibility through several maps, weighted by how much they face the surface; 1 where none does."""
+        visible[:count] = 0.0
         weight = np.zeros(count, dtype=np.float32)
         for shadow in maps:
             add_visibility(count, *shadow, q.place_w, q.normal_w, q.haze, visible, weight)
-        np.divide(visible[:count], weight, out=visible[:count], where=weight > 0)
+        asked = weight > 0.0
+        np.divide(visible[:count], weight, out=visible[:count], where=asked)
+        visible[:count][~asked] = 1.0
 
 
 @kernel

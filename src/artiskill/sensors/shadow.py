@@ -23,7 +23,7 @@ class ShadowMap(NamedTuple):
     """Heights towards a light at infinity, seen from there.
 
     `matrix` (3, 4) takes world points to texel column, texel row and height in metres; `heights` (S, S) float32,
-    0 where nothing is; `texel_m` the side of a texel, `filter_texels` the width of the soft edge, `bias_m` what
+    -inf where nothing is; `texel_m` the side of a texel, `filter_texels` the width of the soft edge, `bias_m` what
     a height must exceed to shade.
     """
 
@@ -56,7 +56,7 @@ class ShadowPass:
 
     def draw(self, world: np.ndarray) -> ShadowMap:
         """The shadow map of the scene whose vertices (V, 3) stand at `world`; valid until the next call."""
-        self._heights.fill(0.0)
+        self._heights.fill(-np.inf)  # what is nowhere shades nothing, however low it lies
         if len(world) == 0:
             return ShadowMap(np.zeros((3, 4)), self._heights, 1.0, 1, 0.0)
         matrix, texel_m = self._fit(world)

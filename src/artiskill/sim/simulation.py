@@ -8,7 +8,6 @@ import numpy as np
 from mujoco.batch import Batch
 
 from artiskill.errors import StateError
-from artiskill.geometry.rotations import cross
 from artiskill.scene.scene import Scene
 from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import InitialState, SimulationState
@@ -42,9 +41,7 @@ class Simulation:
         bind = self._batch.bind
         self._qpos, self._qvel, self._ctrl, self._time = bind("qpos"), bind("qvel"), bind("ctrl"), bind("time")
         self._xpos, self._xquat, self._xmat = bind("xpos"), bind("xquat"), bind("xmat")
-        self._anchor, self._axis = bind("xanchor"), bind("xaxis")
-        self._site_position, self._site_rotation = bind("site_xpos"), bind("site_xmat")
-        self._body_velocity, self._subtree_com = bind("cvel"), bind("subtree_com")
+        self._anchor, self._axis, self._sensors = bind("xanchor"), bind("xaxis"), bind("sensordata")
 
     def reset(self, initial_states: Sequence[InitialState], env_ids: Sequence[int] | None = None) -> None:
         """Put environments at their initial states.
@@ -85,29 +82,27 @@ class Simulation:
 
     def snapshot(self) -> Snapshot:
         """What is true now; the arrays are copies."""
-        index = self.scene.index
+        index, batch = self.scene.index, self.num_envs
+        qpos, qvel, sensors = self._qpos.copy(), self._qvel.copy(), self._sensors.copy()
         position, quaternion = self._xpos.copy(), self._xquat.copy()
-        tips = self._site_position[:, index.fingertip_sites]
-        velocity = self._body_velocity[:, index.fingertip_bodies]  # angular, then linear at the subtree's centre
-        # the robot is one kinematic tree, whose centre of mass is that of its root, body 1
-        arm = tips - self._subtree_com[:, 1:2]
+        rotation = self._xmat[:, index.object_bodies].copy()
+        tool_axes = sensors[:, index.tool_axes].reshape(batch, -1, 3, 3)
         return Snapshot(
             time_s=self._time.copy(),
             step_s=self.scene.physics.step_s,
-            robot_qpos=self._qpos[:, index.robot].copy(),
-            robot_qvel=self._qvel[:, index.robot].copy(),
+            robot_qpos=qpos[:, index.robot],
+            robot_qvel=qvel[:, index.robot],
             robot_joint_anchor_w=self._anchor[:, index.robot].copy(),
             robot_joint_axis_w=self._axis[:, index.robot].copy(),
-            fingertip_position_w=tips,
-            fingertip_velocity_w=velocity[..., 3:] + cross(velocity[..., :3], arm, np),
-            finger_line_start_w=self._site_position[:, index.finger_line_sites],
-            tool_position_w=self._site_position[:, index.tool_sites],
-            tool_rotation_w=self._site_rotation[:, index.tool_sites].reshape(self.num_envs, -1, 3, 3),
-            object_qpos=self._qpos[:, index.object_joints].copy(),
-            object_qvel=self._qvel[:, index.object_joints].copy(),
+            finger_line_w=sensors[:, index.finger_lines].reshape(batch, -1, 2, 3),
+            fingertip_velocity_w=sensors[:, index.fingertip_velocities].reshape(batch, -1, 3),
+            tool_position_w=sensors[:, index.tool_positions].reshape(batch, -1, 3),
+            tool_rotation_w=tool_axes.swapaxes(-1, -2),
+            object_qpos=qpos[:, index.object_joints],
+            object_qvel=qvel[:, index.object_joints],
             link_position_w=position[:, index.object_bodies],
             link_quaternion_w=quaternion[:, index.object_bodies],
-            link_rotation_w=self._xmat[:, index.object_bodies].reshape(self.num_envs, -1, 3, 3).copy(),
+            link_rotation_w=rotation.reshape(batch, -1, 3, 3),
             previous_link_position_w=self._previous_position.copy(),
             previous_link_quaternion_w=self._previous_quaternion.copy(),
             body_position_w=position,

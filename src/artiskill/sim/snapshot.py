@@ -5,8 +5,10 @@ one step ago are part of it, so that asking twice answers the same.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
-from artiskill.geometry.arrays import Array
+from artiskill.geometry.arrays import Array, norm
+from artiskill.geometry.rotations import quat_angle
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,9 +24,8 @@ class Snapshot:
         robot_qvel: (B, R) in the same order, base x and y along the world's axes.
         robot_joint_anchor_w: (B, R, 3) a point on each joint's axis.
         robot_joint_axis_w: (B, R, 3) unit direction of each joint.
-        fingertip_position_w: (B, T, 3).
+        finger_line_w: (B, T, 2, 3) where each finger's line starts and ends: it runs along the pad to the tip.
         fingertip_velocity_w: (B, T, 3).
-        finger_line_start_w: (B, T, 3); each finger's line runs from here to its tip along the pad.
         tool_position_w: (B, A, 3) centre between the pads.
         tool_rotation_w: (B, A, 3, 3) columns: the hand's axes; z forward, the fingers close along y.
         object_qpos: (B, J).
@@ -44,9 +45,8 @@ class Snapshot:
     robot_qvel: Array
     robot_joint_anchor_w: Array
     robot_joint_axis_w: Array
-    fingertip_position_w: Array
+    finger_line_w: Array
     fingertip_velocity_w: Array
-    finger_line_start_w: Array
     tool_position_w: Array
     tool_rotation_w: Array
     object_qpos: Array
@@ -58,3 +58,18 @@ class Snapshot:
     previous_link_quaternion_w: Array
     body_position_w: Array
     body_quaternion_w: Array
+
+    @property
+    def fingertip_position_w(self) -> Array:
+        """(B, T, 3) the ends of the finger lines."""
+        return self.finger_line_w[:, :, 1]
+
+    @cached_property
+    def link_speed_m_s(self) -> Array:
+        """(B, L) mean speed of each link's frame over the last environment step."""
+        return norm(self.link_position_w - self.previous_link_position_w) / self.step_s
+
+    @cached_property
+    def link_angular_speed_rad_s(self) -> Array:
+        """(B, L) mean angular speed of each link over the last environment step."""
+        return quat_angle(self.previous_link_quaternion_w, self.link_quaternion_w) / self.step_s

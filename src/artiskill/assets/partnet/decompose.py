@@ -80,12 +80,17 @@ def decompose(part: DecompositionPart) -> list[np.ndarray]:
         MissingExtraError: coacd is needed and not installed.
     """
     config = part.config
-    whole = _hull_alone(weld(merge(part.meshes)), config)
+    drawn = merge(part.meshes)
+    if not len(weld(drawn).faces):  # a speck smaller than the welding distance
+        return [thick_hull(drawn.vertices, config.thickness_m)[0].mesh.vertices]
+    whole = _hull_alone(weld(drawn), config)
     if whole is not None:
         return [whole]
     hulls: list[np.ndarray] = []
     for mesh in part.meshes:
         welded = weld(mesh)
+        if not len(welded.faces):
+            continue
         alone = _hull_alone(welded, config)
         pieces = [] if alone is not None else components(welded)
         if len(pieces) > _MOST_PIECES:
@@ -110,9 +115,7 @@ def _cut(piece: TriMesh, config: DecompositionConfig) -> list[np.ndarray]:
     return _run_coacd(piece, config)
 
 
-def decompose_cached(
-    parts: Sequence[DecompositionPart], cache_dir: Path
-) -> list[list[np.ndarray]]:
+def decompose_cached(parts: Sequence[DecompositionPart], cache_dir: Path) -> list[list[np.ndarray]]:
     """`decompose` of several parts, through a file in `cache_dir / "partnet"`.
 
     A file that cannot be read is computed anew and replaced; files appear whole or not at all.

@@ -10,7 +10,7 @@ from artiskill.assets.partnet.meshes import thick_hull
 from artiskill.geometry.meshes import TriMesh, sample_surface, triangle_areas
 from artiskill.geometry.rotations import quat_rotate
 
-# A finger of the Panda hand is 11 mm thick at its pad; 12 mm is the least gap in which it hooks.
+# The least gap in which the tip of a Panda finger hooks without pressing on the panel.
 HOOK_GAP_M = 0.012
 LEAST_HANDLE_THICKNESS_M = 0.002
 _BAR_RATIO = 2.0  # a handle this many times as long as wide is a bar, else a knob

@@ -10,7 +10,7 @@ import numpy as np
 
 from artiskill.assets.articulated_object import Material
 from artiskill.errors import AssetError
-from artiskill.geometry.meshes import TriMesh
+from artiskill.geometry.meshes import TriMesh, triangle_areas
 
 # A Phong exponent this high looks polished; the data set's wood has 30.
 _POLISHED_EXPONENT = 200.0
@@ -46,7 +46,8 @@ def read_obj(path: Path, where: str) -> tuple[ObjPart, ...]:
         where: what it belongs to, for messages.
 
     Raises:
-        AssetError: the file is missing, has a line that does not parse, an index out of range, or no face.
+        AssetError: the file is missing, has a line that does not parse, an index out of range, no face or no
+            area.
     """
     if not path.is_file():
         raise AssetError(f"{where}: mesh file {path.name!r} does not exist in {path.parent.name!r}")
@@ -88,6 +89,8 @@ class _ObjReader:
             has_uvs = bool((used[:, 1] >= 0).all())
             mesh = TriMesh(points[used[:, 0]], index.reshape(-1, 3), uvs[used[:, 1]] if has_uvs else None)
             parts.append(ObjPart(material, mesh))
+        if not sum(float(triangle_areas(part.mesh).sum()) for part in parts) > 0:
+            raise AssetError(f"{self._where} has no area: all its faces are points or lines")
         return tuple(parts)
 
     def _read(self, key: str, values: list[str]) -> None:
@@ -150,10 +153,12 @@ def _material(entry: dict[str, list[str]], folder: Path) -> ObjMaterial:
     alpha = float(entry["d"][-1]) if "d" in entry else 1.0 - float(entry.get("Tr", ["0"])[-1])
     # options such as `-s 1 1 1` may stand before the file's name, which may hold spaces
     texture = entry.get("map_Kd")
-    file = folder / (texture[-1] if texture and texture[0].startswith("-") else " ".join(texture)) if texture else None
-    return ObjMaterial(
-        (red, green, blue), min(max(alpha, 0.0), 1.0), file, float(entry.get("Ns", ["30"])[0])
+    file = (
+        folder / (texture[-1] if texture and texture[0].startswith("-") else " ".join(texture))
+        if texture
+        else None
     )
+    return ObjMaterial((red, green, blue), min(max(alpha, 0.0), 1.0), file, float(entry.get("Ns", ["30"])[0]))
 
 
 def _index(text: str, count: int) -> int:

@@ -66,9 +66,7 @@ def read_part_names(folder: Path) -> PartNames:
         ids = [_node_id(node) for node in path]
         known = [i for i in ids if i in parts]
         label = (
-            PartLabel(parts[known[-1]], known[-1])
-            if known
-            else PartLabel(str(leaf.get("name", UNKNOWN)), ids[-1])
+            PartLabel(parts[known[-1]], known[-1]) if known else PartLabel(str(leaf.get("name", UNKNOWN)), ids[-1])
         )
         for stem in leaf.get("objs", ()):
             # an inner node may list its leaves' meshes again: leaves come later in the walk, and win
@@ -88,9 +86,7 @@ def read_category(folder: Path) -> tuple[Category, str]:
         raise AssetError(f"PartNet folder {str(folder)!r} has no file 'meta.json'; it must hold one")
     given = data.get("model_cat") if isinstance(data, dict) else None
     if given not in CATEGORY_OF:
-        raise AssetError(
-            f"{folder.name}/meta.json: model_cat is {given!r}; legal: {', '.join(CATEGORY_OF)}"
-        )
+        raise AssetError(f"{folder.name}/meta.json: model_cat is {given!r}; legal: {', '.join(CATEGORY_OF)}")
     return CATEGORY_OF[given], str(given)
 
 

@@ -149,9 +149,7 @@ def _read_joint(element: ET.Element, where: str) -> UrdfJoint:
     if limit is not None:
         lower, upper = (_numbers(limit.get(side, "0"), 1, f"{where}: {side} limit") for side in ("lower", "upper"))
         limits = (float(lower[0]), float(upper[0]))
-    return UrdfJoint(
-        name, kind, ends[0], ends[1], _read_pose(element, where), axis / max(length, 1e-9), limits
-    )
+    return UrdfJoint(name, kind, ends[0], ends[1], _read_pose(element, where), axis / max(length, 1e-9), limits)
 
 
 def _read_pose(element: ET.Element, where: str) -> np.ndarray:

@@ -27,7 +27,7 @@ class OpenGoal:
         open_qpos: (B,) joint value from which it counts as open.
         joint_axis: (B, 3) direction of opening (slides) or axis of turning (hinges).
         joint_origin: (B, 3) point on that axis.
-        handle_points: (B, P, 3) surface samples.
+        handle_points: (B, 3, P) surface samples, one per column.
         handle_planes: (B, F, 4) convex hull, outward normal and offset.
         grasp_positions: (B, G, 3) tool-centre points.
         grasp_rotations: (B, G, 3, 3) hand orientations, columns are the hand's axes.
@@ -74,7 +74,7 @@ def make_open_goal(obj: ArticulatedObject, target: str, open_fraction: float) ->
         open_qpos=np.array([lower + open_fraction * (upper - lower)]),
         joint_axis=link.joint.axis[None],
         joint_origin=link.joint.origin[None],
-        handle_points=handle.points[None],
+        handle_points=np.ascontiguousarray(handle.points.T)[None],
         handle_planes=handle.planes[None],
         grasp_positions=handle.grasp_positions[None],
         grasp_rotations=quat_to_matrix(handle.grasp_quaternions)[None],

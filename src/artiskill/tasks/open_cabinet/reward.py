@@ -1,26 +1,65 @@
 """Dense reward of the cabinet tasks: named terms, four stages.
 
 Stages: 0 approach, 1 close to the handle, 2 open enough, 3 open enough and still. With the weights that come with
-the package, any state of a later stage earns more than any state of an earlier one: a term that a later stage no
-longer asks for takes its best value there.
+the package, any state of a later stage earns more than any state of an earlier one: every term is bounded, and a
+term that a stage does not ask for takes a fixed value there.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
 
 from artiskill.config import check
 from artiskill.geometry.arrays import Array, clamp, namespace
 from artiskill.geometry.hulls import depth_inside
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet.goal import OpenGoal
-from artiskill.tasks.open_cabinet.success import SuccessConfig, flags_of, target_speed
+from artiskill.tasks.open_cabinet.success import SuccessConfig, open_flags
 
 _STAGES = 4
-_LINE_SAMPLES = (0.0, 0.25, 0.5, 0.75, 1.0)  # along the fingers' mid-line, for its depth in the handle's hull
-_FAR_M = 2.0  # distances saturate here, so that the term is bounded
-_ENCLOSED_M = (-0.01, 0.014)  # depth at which the enclosure term starts to rise, and over which it rises by 1
-_OPENING_SPEED = (-0.1, 0.6)  # likewise for the joint's velocity, m/s or rad/s
-TERM_NAMES = ("hand_angle", "handle_distance", "enclosure", "stage", "opening_speed", "opening", "link_speed")
+
+
+class Term(NamedTuple):
+    """A term is `clip((measured - start) / width, low, high)` in the stages that ask for it.
+
+    Attributes:
+        start: measured value at which the term is 0.
+        width: change of the measured value that makes 1.
+        low: least value.
+        high: greatest value.
+        asked_in: stages that ask for it.
+        elsewhere: its value in each stage that does not.
+    """
+
+    start: float
+    width: float
+    low: float
+    high: float
+    asked_in: tuple[int, ...]
+    elsewhere: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+
+
+# Measured are: angle to the nearest grasp pose over pi; mean distance of the fingers' lines to the handle (m);
+# depth of their mid-line in the handle's hull (m); nothing; the joint's velocity (m/s or rad/s); how far it is open, 0 to 1;
+# speed of the target link (m/s) plus half its angular speed (rad/s).
+TERMS = {
+    "hand_angle": Term(0.0, 1.0, 0.0, 1.0, (0,)),
+    "handle_distance": Term(0.0, 1.0, 0.0, 2.0, (0, 1)),
+    "enclosure": Term(0.004, 0.014, -1.0, 0.0, (0, 1)),
+    "stage": Term(0.0, 1.0, 0.0, 0.0, ()),  # its values are RewardConfig.stage_bonus
+    "opening_speed": Term(-0.1, 0.6, 0.0, 1.0, (1,)),
+    "opening": Term(0.0, 1.0, 0.0, 1.0, (1,), (0.0, 0.0, 1.0, 1.0)),
+    "link_speed": Term(0.0, 1.0, 0.0, 1.0, (2, 3)),
+}
+# The same as arrays: one entry per term, in order; and which stage asks for which term, (stages, terms).
+_START, _WIDTH, _LOW, _HIGH = (np.array(column) for column in list(zip(*TERMS.values(), strict=True))[:4])
+_ASKED = np.array([[stage in term.asked_in for term in TERMS.values()] for stage in range(_STAGES)])
+_STAGE_TERM = list(TERMS).index("stage")
+# Five points along the fingers' mid-line, as weights of the ends (start, tip) of the two fingers' lines.
+_MIDDLE_WEIGHTS = np.array([(1 - t, t, 1 - t, t) for t in (0.0, 0.25, 0.5, 0.75, 1.0)]) / 2
 
 
 @dataclass(frozen=True)
@@ -35,42 +74,52 @@ class RewardConfig:
     """
 
     close_distance_m: float
-    stage_bonus: tuple[float, ...]
+    stage_bonus: tuple[float, float, float, float]
     weights: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check(
-            len(self.stage_bonus) == _STAGES and list(self.stage_bonus) == sorted(set(self.stage_bonus)),
+            list(self.stage_bonus) == sorted(set(self.stage_bonus)),
             f"reward.stage_bonus needs {_STAGES} rising numbers, not {list(self.stage_bonus)}",
         )
-        unknown = set(self.weights) - set(TERM_NAMES)
-        check(not unknown, f"reward.weights: unknown terms {sorted(unknown)}; legal: {', '.join(TERM_NAMES)}")
+        unknown = sorted(set(self.weights) - set(TERMS))
+        check(not unknown, f"reward.weights: unknown terms {unknown}; legal: {', '.join(TERMS)}")
+
+    @cached_property
+    def elsewhere(self) -> np.ndarray:
+        """Values of the terms in the stages that do not ask for them, (stages, terms)."""
+        values = np.array([term.elsewhere for term in TERMS.values()]).T
+        values[:, _STAGE_TERM] = self.stage_bonus
+        return values
 
 
 def open_reward_terms(
     snapshot: Snapshot, goal: OpenGoal, config: RewardConfig, success: SuccessConfig
 ) -> dict[str, Array]:
-    """Unweighted terms, each (B,); see the task's page for their ranges."""
+    """Unweighted terms, each (B,); `TERMS` has their ranges."""
     xp = namespace(snapshot.object_qpos)
+    row, link, joint = goal.row, goal.link, goal.joint
     distance, depth = handle_proximity(snapshot, goal)
-    speed, angular_speed = target_speed(snapshot, goal)
-    flags = flags_of(snapshot, goal, success, speed, angular_speed)
-    is_open = flags["open_enough"]
-    is_close = xp.all(distance <= config.close_distance_m, axis=-1) & (depth > 0)
-    still_closed = ~is_open
-    stage = xp.where(is_open, xp.where(flags["cabinet_static"], 3, 2), xp.where(is_close, 1, 0))
-    qpos, qvel = snapshot.object_qpos[goal.row, goal.joint], snapshot.object_qvel[goal.row, goal.joint]
-    progress = clamp((qpos - goal.lower) / (goal.open_qpos - goal.lower), 0.0, 1.0)
-    pulling = is_close & still_closed
-    return {
-        "hand_angle": hand_angle(snapshot, goal) * (still_closed & ~is_close),
-        "handle_distance": clamp(xp.mean(distance, axis=-1), 0.0, _FAR_M) * still_closed,
-        "enclosure": (_ramp(depth, *_ENCLOSED_M) - 1.0) * still_closed,
-        "stage": xp.take(xp.asarray(config.stage_bonus, dtype=qpos.dtype), stage),
-        "opening_speed": _ramp(qvel, *_OPENING_SPEED) * pulling,
-        "opening": xp.where(is_open, 1.0, progress * pulling),
-        "link_speed": clamp(speed + 0.5 * angular_speed, 0.0, 1.0) * is_open,
-    }
+    flags = open_flags(snapshot, goal, success)
+    is_close = (xp.max(distance, axis=-1) <= config.close_distance_m) & (depth > 0)
+    still = xp.astype(flags["cabinet_static"], xp.int64)
+    stage = xp.where(flags["open_enough"], 2 + still, xp.astype(is_close, xp.int64))  # (B,)
+    qpos = snapshot.object_qpos[row, joint]
+    measured = (
+        hand_angle(snapshot, goal),
+        0.5 * xp.sum(distance, axis=-1),
+        depth,
+        qpos,
+        snapshot.object_qvel[row, joint],
+        (qpos - goal.lower) / (goal.open_qpos - goal.lower),
+        snapshot.link_speed_m_s[row, link] + 0.5 * snapshot.link_angular_speed_rad_s[row, link],
+    )
+    start, width, low, high, elsewhere = (
+        xp.asarray(c, dtype=qpos.dtype) for c in (_START, _WIDTH, _LOW, _HIGH, config.elsewhere)
+    )
+    ramps = (xp.stack(measured, axis=-1) - start) / width  # (B, terms)
+    values = xp.where(xp.asarray(_ASKED)[stage], xp.minimum(xp.maximum(ramps, low), high), elsewhere[stage])
+    return {name: values[:, i] for i, name in enumerate(TERMS)}
 
 
 def handle_proximity(snapshot: Snapshot, goal: OpenGoal) -> tuple[Array, Array]:
@@ -81,18 +130,18 @@ def handle_proximity(snapshot: Snapshot, goal: OpenGoal) -> tuple[Array, Array]:
         mid-line in the handle's hull (positive inside), both in metres.
     """
     xp = namespace(snapshot.link_position_w)
-    rotation = snapshot.link_rotation_w[goal.row, goal.link]  # (B, 3, 3)
-    origin = snapshot.link_position_w[goal.row, goal.link][:, None, :]
-    start = (snapshot.finger_line_start_w[:, :2] - origin) @ rotation  # (B, 2, 3), in the link's frame
-    tip = (snapshot.fingertip_position_w[:, :2] - origin) @ rotation
-    line = (tip - start)[:, :, :, None]  # (B, 2, 3, 1)
-    to_points = goal.handle_points[:, None, :, :] - start[:, :, None, :]  # (B, 2, P, 3)
-    along = clamp(to_points @ line / (xp.matrix_transpose(line) @ line), 0.0, 1.0)  # (B, 2, P, 1)
-    gap = to_points - along * line[:, :, None, :, 0]
-    distance = xp.sqrt(xp.min(xp.sum(gap * gap, axis=-1), axis=-1))
-    middle_start, middle_tip = 0.5 * (start[:, :1] + start[:, 1:]), 0.5 * (tip[:, :1] + tip[:, 1:])
-    fractions = xp.asarray(_LINE_SAMPLES, dtype=start.dtype)[None, :, None]
-    samples = middle_start + fractions * (middle_tip - middle_start)  # (B, 5, 3)
+    row, link = goal.row, goal.link
+    origin, rotation = snapshot.link_position_w[row, link], snapshot.link_rotation_w[row, link]
+    # the first arm's two lines, in the link's frame: (B, 2, 2, 3)
+    lines = (snapshot.finger_line_w[:, :2] - origin[:, None, None]) @ rotation[:, None]
+    start = lines[:, :, 0, :, None]  # (B, 2, 3, 1); coordinates before points: rows of P are fast to add up
+    line = lines[:, :, 1, :, None] - start
+    to_points = goal.handle_points[:, None] - start  # (B, 2, 3, P)
+    along = xp.sum(to_points * line, axis=-2, keepdims=True) / xp.sum(line * line, axis=-2, keepdims=True)
+    gap = to_points - clamp(along, 0.0, 1.0) * line
+    distance = xp.sqrt(xp.min(xp.sum(gap * gap, axis=-2), axis=-1))
+    weights = xp.asarray(_MIDDLE_WEIGHTS, dtype=lines.dtype)
+    samples = weights @ xp.reshape(lines, (-1, 4, 3))  # (B, 5, 3)
     return distance, xp.max(depth_inside(goal.handle_planes, samples), axis=-1)
 
 

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 
 from artiskill.config import check
-from artiskill.geometry.arrays import Array, norm
-from artiskill.geometry.rotations import quat_angle
+from artiskill.geometry.arrays import Array
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet.goal import OpenGoal
 
@@ -32,22 +31,10 @@ class SuccessConfig:
 
 def open_flags(snapshot: Snapshot, goal: OpenGoal, config: SuccessConfig) -> dict[str, Array]:
     """`open_enough` and `cabinet_static`, each (B,) bool, at this instant."""
-    return flags_of(snapshot, goal, config, *target_speed(snapshot, goal))
-
-
-def flags_of(
-    snapshot: Snapshot, goal: OpenGoal, config: SuccessConfig, speed: Array, angular_speed: Array
-) -> dict[str, Array]:
-    """`open_flags` where the target's speeds are known already."""
-    return {
-        "open_enough": snapshot.object_qpos[goal.row, goal.joint] >= goal.open_qpos,
-        "cabinet_static": (speed <= config.max_speed_m_s) & (angular_speed <= config.max_angular_speed_rad_s),
-    }
-
-
-def target_speed(snapshot: Snapshot, goal: OpenGoal) -> tuple[Array, Array]:
-    """Speed (m/s) and angular speed (rad/s) of the target link over the last environment step, (B,) each."""
     row, link = goal.row, goal.link
-    moved = snapshot.link_position_w[row, link] - snapshot.previous_link_position_w[row, link]
-    turned = quat_angle(snapshot.previous_link_quaternion_w[row, link], snapshot.link_quaternion_w[row, link])
-    return norm(moved) / snapshot.step_s, turned / snapshot.step_s
+    slow = snapshot.link_speed_m_s[row, link] <= config.max_speed_m_s
+    turning_slowly = snapshot.link_angular_speed_rad_s[row, link] <= config.max_angular_speed_rad_s
+    return {
+        "open_enough": snapshot.object_qpos[row, goal.joint] >= goal.open_qpos,
+        "cabinet_static": slow & turning_slowly,
+    }

@@ -1,0 +1,104 @@
+"""The two real objects, where the data set is at hand."""
+
+import re
+import shutil
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.assets.partnet import import_partnet
+from artiskill.assets.partnet.bodies import build_bodies
+from artiskill.assets.partnet.overlaps import find_overlaps, shape_hull
+from artiskill.assets.partnet.semantics import read_part_names
+from artiskill.assets.partnet.urdf import UrdfMesh, read_urdf
+from artiskill.geometry.rotations import quat_rotate
+
+pytestmark = pytest.mark.partnet
+
+
+@pytest.fixture(scope="module")
+def cabinet(dataset: Path, cache_dir: Path) -> ArticulatedObject:
+    return import_partnet(dataset / "40147", cache_dir=cache_dir)
+
+
+def test_cabinet_stands_as_it_should(cabinet):
+    assert cabinet.category == "cabinet"
+    np.testing.assert_allclose(cabinet.bounds[:, 2], (0, 0.65), atol=1e-9)
+    np.testing.assert_allclose(cabinet.bounds.sum(axis=0)[:2], 0, atol=1e-9)
+    assert [link.name for link in cabinet.links] == ["base", "link_0", "link_1"]
+    np.testing.assert_allclose(cabinet.links[2].joint.axis, (-1, 0, 0), atol=1e-9)
+    np.testing.assert_allclose(np.abs(cabinet.links[1].joint.axis), (0, 0, 1), atol=1e-9)
+    assert cabinet.metadata["warnings"] == ()
+    assert cabinet.target_links("prismatic") == ("link_1",)
+    assert cabinet.target_links("revolute") == ("link_0",)
+
+
+def test_cabinet_handles(cabinet):
+    for handle in cabinet.handles:
+        np.testing.assert_allclose(
+            quat_rotate(handle.grasp_quaternions[0], np.array([0.0, 0.0, 1.0])), (1, 0, 0), atol=1e-6
+        )
+        assert handle.hookable
+        assert 0.01 < handle.grasp_width_m < 0.03
+
+
+def test_cabinet_collision_shapes_are_few_small_and_free(cabinet):
+    shapes = [shape for link in cabinet.links for shape in link.collisions]
+    assert len(shapes) <= 80
+    assert max(len(shape_hull(shape).mesh.vertices) for shape in shapes) <= 32
+    assert find_overlaps(cabinet.links) == []
+
+
+def test_cached_import_is_quick_and_equal(cabinet, dataset, cache_dir):
+    start = time.perf_counter()
+    again = import_partnet(dataset / "40147", cache_dir=cache_dir)
+    assert time.perf_counter() - start < 2.0  # 0.2 s alone; other tests may share the cores
+    assert again.content_hash == cabinet.content_hash
+
+
+def test_names_stripped(cabinet, dataset, cache_dir, tmp_path):
+    folder = shutil.copytree(dataset / "40147", tmp_path / "40147", copy_function=shutil.copyfile)
+    folder.chmod(0o755)
+    text = (dataset / "40147" / "mobility.urdf").read_text()
+    stripped, count = re.subn(r'<visual name="[^"]*">', "<visual>", text)
+    assert count > 40
+    (folder / "mobility.urdf").write_text(stripped)
+    assert import_partnet(folder, cache_dir=cache_dir).content_hash == cabinet.content_hash
+
+
+@pytest.mark.parametrize("id", ["40147", "179"])
+def test_annotations_agree_with_the_names_in_the_urdf(dataset, id):
+    if not (dataset / id).is_dir():
+        pytest.skip(f"no object {id} in {dataset}")
+    names = read_part_names(dataset / id)
+    for meshes in read_urdf(dataset / id / "mobility.urdf").links.values():
+        for mesh in meshes:
+            nameless = UrdfMesh(None, mesh.file, mesh.pose, mesh.scale)
+            assert names.label(nameless) == names.label(mesh)
+
+
+def test_chair_tree(dataset):
+    if not (dataset / "179").is_dir():
+        pytest.skip(f"no object 179 in {dataset}")
+    bodies = build_bodies(read_urdf(dataset / "179" / "mobility.urdf"))
+    assert bodies[0].name == "base"
+    assert len(bodies) == 18
+    assert [body.name for body in bodies[1:4]] == ["link_0", "link_1", "link_2"]
+    kinds = [body.joint.kind for body in bodies[1:]]
+    assert kinds.count("continuous") == 16
+    assert kinds.count("prismatic") == 1
+
+
+@pytest.mark.slow
+def test_chair(dataset, cache_dir):
+    if not (dataset / "179").is_dir():
+        pytest.skip(f"no object 179 in {dataset}")
+    chair = import_partnet(dataset / "179", cache_dir=cache_dir)
+    assert chair.category == "chair"
+    joints = [link.joint for link in chair.links[1:]]
+    assert [j.kind for j in joints].count("revolute") == 16
+    assert all(j.limits == (-np.inf, np.inf) for j in joints if j.kind == "revolute")
+    assert any("link_15_helper" in text for text in chair.metadata["warnings"])
