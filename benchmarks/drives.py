@@ -1,9 +1,9 @@
 """How closely the native drives follow the paper's controller, and how well the fingers grip; see docs/control.md.
 
-The reference is the controller of the benchmark's first release on our robot model, alone in space, stepped in plain
-MuJoCo: velocity drives of stiffness 0, a discrete low-pass at the control rate on each joint's target, base targets
-rotated into the world once per control step, gravity and Coriolis forces balanced exactly, fingers by PID, no limits
-of the drives' force, no armature. Each variant replaces one of these by what our model does; `ours` replaces all.
+The reference is the controller of the benchmark's first release on our robot model, alone in space, in plain
+MuJoCo: velocity drives of stiffness 0, a discrete low-pass at control rate on each joint's target, base targets
+rotated into the world once per control step, gravity and Coriolis forces balanced exactly, PID fingers, no limits
+of forces, no armature. Each variant replaces one of these by what our model does; `ours` replaces all.
 """
 
 import argparse
@@ -20,7 +20,7 @@ import numpy as np
 from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape, Joint, Link
 from artiskill.geometry.rotations import quat_from_axis_angle, quat_from_matrix
 from artiskill.robots.actions import action_scale
-from artiskill.robots.config import RobotConfig, load_arm, load_robot
+from artiskill.robots.config import RobotConfig, load_robot
 from artiskill.robots.model import BASE_JOINTS, add_robot
 from artiskill.scene.physics import PhysicsConfig, set_joint_limits_solver, set_options
 from artiskill.scene.scene import build_scene
@@ -109,7 +109,7 @@ def low_pass_weight(cutoff_hz: float, step_s: float) -> float:
     return math.sqrt(c * c + 2 * c) - c
 
 
-# -- robot alone ---------------------------------------------------------------------------------------------------
+# -- robot alone ---------------------------------------------------------------------------------------------
 
 
 def robot_model(config: RobotConfig, variant: Variant) -> Any:
@@ -208,7 +208,7 @@ def _own_frame(data: Any) -> np.ndarray:
     return qvel
 
 
-# -- motions -------------------------------------------------------------------------------------------------------
+# -- motions -------------------------------------------------------------------------------------------------
 
 
 def motions(scale: np.ndarray, seconds: float) -> dict[str, np.ndarray]:
@@ -264,7 +264,7 @@ def tracking(motion: Motion, actions: np.ndarray, scale: np.ndarray) -> dict[str
     return {name: float(np.sqrt((error[:, joints] ** 2).mean())) for name, joints in GROUPS.items()}
 
 
-# -- fingers -------------------------------------------------------------------------------------------------------
+# -- fingers -------------------------------------------------------------------------------------------------
 
 # The fingers keep our armature here: without it 100 N drive their 15 g through the bar within one physics step.
 FINGERS = {
@@ -279,7 +279,7 @@ PULL_N = 30.0
 
 
 def bar_scene(config: RobotConfig, shape: str) -> Any:
-    """The robot with a bar between its pads that slides along the hand's z axis, through the project's own scene."""
+    """A scene of the robot with a bar between its pads, which slides along the hand's z axis."""
     model = robot_model(config, OURS)
     data = mujoco.MjData(model)
     data.qpos[3:] = LIFT_M, *config.initial.arm_qpos_rad, 0.04, 0.04
@@ -354,7 +354,7 @@ def _finger_force(model: Any, data: Any, finger_geoms: tuple[str, ...]) -> float
     return total / 2
 
 
-# -- report --------------------------------------------------------------------------------------------------------
+# -- report --------------------------------------------------------------------------------------------------
 
 
 def measure(config: RobotConfig, seconds: float) -> dict[str, Any]:
@@ -385,6 +385,8 @@ def low_pass_figures() -> dict[str, float]:
     """A step through both filters: what is still missing of it, in percent, by time."""
     weight, rate = low_pass_weight(CUTOFF_HZ, CONTROL_S), 2 * math.pi * CUTOFF_HZ
     figures = {"discrete_weight": weight, "exact_weight_per_control": 1 - math.exp(-rate * CONTROL_S)}
+    figures["discrete_mean_delay_ms"] = 1e3 * CONTROL_S * (1 - weight) / weight
+    figures["exact_mean_delay_ms"] = 1e3 / rate
     for controls in (1, 2, 5):
         figures[f"discrete_missing_percent_after_{controls}"] = 100 * (1 - weight) ** controls
         figures[f"exact_missing_percent_after_{controls}"] = 100 * math.exp(-rate * CONTROL_S * controls)
@@ -437,7 +439,7 @@ def main() -> None:
     arguments = parser.parse_args()
     start = time.perf_counter()
     config = load_robot(arguments.robot)
-    assert len(load_arm(config.arm).joints) == 7 and len(config.mounts) == 1, "the columns are those of one Panda"
+    assert action_scale(config).center.shape == (13,), "the columns are those of a robot with one arm"
     figures = measure(config, arguments.seconds)
     print_report(figures)
     print(f"mujoco {mujoco.__version__}, {time.perf_counter() - start:.0f} s")

@@ -5,7 +5,11 @@ import pytest
 from artiskill.assets.catalog import list_objects
 
 # a training and a test cabinet, and one that is in no catalogue
-SAMPLE = (*list_objects(split="train", task="OpenCabinetDrawer")[:1], *list_objects(split="test", task="OpenCabinetDrawer")[:1], "generated:7")
+SAMPLE = (
+    *list_objects(split="train", task="OpenCabinetDrawer")[:1],
+    *list_objects(split="test", task="OpenCabinetDrawer")[:1],
+    "generated:7",
+)
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, JointKind
-from artiskill.assets.cabinets import build_cabinet, default_cabinet_config, sample_cabinet
 from artiskill.config import CONFIG_DIR, check, load_config
 from artiskill.errors import AssetError, UnknownNameError
 
@@ -240,6 +239,9 @@ def _generate(category: str, seed: int, object_id: str) -> ArticulatedObject:
 
 def generate_cabinet(seed: int, object_id: str) -> ArticulatedObject:
     """The cabinet of a seed, with the default config."""
+    # here, not above: listing the catalogue, which importing the package does, needs no generator
+    from artiskill.assets.cabinets import build_cabinet, default_cabinet_config, sample_cabinet
+
     form, detail = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
     return build_cabinet(sample_cabinet(form, default_cabinet_config()), object_id, detail)
 

@@ -10,8 +10,8 @@ import numpy as np
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.envs.casting import Casting, ObjectChoice
 from artiskill.envs.rendering import WorldView
-from artiskill.errors import ActionError, ConfigError, ResetNeededError, StateError, UnknownNameError
-from artiskill.robots.actions import action_scale
+from artiskill.errors import ConfigError, ResetNeededError, StateError, UnknownNameError
+from artiskill.robots.actions import action_scale, check_action
 from artiskill.scene.cache import cached_scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
@@ -149,11 +149,12 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
         if level is not None:
             level = check_level(level)
         super().reset(seed=seed)
-        self._level = int(self.np_random.integers(MAX_LEVEL + 1)) if level is None else level
-        obj, target = self._casting.draw(self._level, options.get("object"), options.get("target"))
+        level = int(self.np_random.integers(MAX_LEVEL + 1)) if level is None else level
+        obj, target = self._casting.draw(level, options.get("object"), options.get("target"))
         self._enter(obj, target)
+        self._level = level
         assert self._simulation is not None
-        generator = level_generator(self._level, Stream.INITIAL_STATE)
+        generator = level_generator(level, Stream.INITIAL_STATE)
         self._simulation.reset([self.task.sample_initial_state(obj, generator)])
         self._snapshot = self._simulation.snapshot()
         self._progress.restart()
@@ -166,7 +167,7 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
             ActionError: the action has the wrong shape or values that are not finite.
             ResetNeededError: called before the first `reset`.
         """
-        action = self._check_action(action)
+        action = check_action(action, self._scale.center.size)
         simulation = self._simulation
         if simulation is None:
             raise ResetNeededError("call reset() before step()")
@@ -261,19 +262,6 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
         if not self._progress.flag_names:
             names = tuple(self.task.flags(self._simulation.snapshot(), self._goal))
             self._progress = Progress(1, names, self.task.hold_steps)
-
-    def _check_action(self, action: Any) -> np.ndarray:
-        shape = self._scale.center.shape
-        try:
-            array = np.asarray(action, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise ActionError(f"an action is {shape[0]} numbers, not {action!r}") from error
-        if array.shape != shape:
-            raise ActionError(f"an action has shape {shape}, not {array.shape}")
-        if not np.isfinite(array).all():
-            bad = np.flatnonzero(~np.isfinite(array)).tolist()
-            raise ActionError(f"an action has finite numbers; entries {bad} are {array[bad].tolist()}")
-        return array
 
     def _observe(self) -> np.ndarray:
         values = self.task.observe_state(self.snapshot, self._goal)[0]

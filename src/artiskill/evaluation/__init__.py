@@ -1,0 +1,1 @@
+"""Policies to numbers: run episodes, count, report, record."""

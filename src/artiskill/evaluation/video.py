@@ -171,7 +171,7 @@ def _write_webp(path: Path, frames: np.ndarray, frames_per_second: float) -> Non
 
 def _write_mp4(path: Path, frames: np.ndarray, frames_per_second: float) -> None:
     try:
-        import imageio_ffmpeg  # type: ignore[import-untyped]
+        import imageio_ffmpeg
     except ImportError as error:
         raise MissingExtraError("writing MP4", "video") from error
     # H.264 with shared colour samples needs even sides: repeat the last row or column

@@ -38,7 +38,10 @@ class OpenCabinetExpertConfig:
         turn_speed_rad_s: of the hand.
         aligned_m: sideways error below which the hand reaches in.
         aligned_rad: orientation error below which the hand reaches in.
-        grasp_m: distance to the grasp below which the fingers close.
+        grasp_m: distance to the grasp below which the fingers close; along the handle, where it matters less,
+            three times as much.
+        blocked_steps: after so many steps of reaching in, the fingers close where they are, if
+        blocked_m: the hand is at least this near: a panel or moulding behind the handle is in its way.
         slip_m: distance to the grasp above which a grip counts as lost.
         grip_steps: environment steps that the fingers get to close.
         overshoot: how far beyond the open position to pull, as a fraction of what is left of the range.
@@ -57,6 +60,8 @@ class OpenCabinetExpertConfig:
     aligned_m: float
     aligned_rad: float
     grasp_m: float
+    blocked_steps: int
+    blocked_m: float
     slip_m: float
     grip_steps: int
     overshoot: float
@@ -97,12 +102,12 @@ class OpenCabinetExpert:
         self._rest_arm = np.asarray(robot.initial.arm_qpos_rad)
         self._max_opening = float(self.controller.scale.half_range[-1] * 2)
         self.phase = Phase.APPROACH
-        self._grip_left = 0
+        self._steps_in_phase = 0
         self._rest_offset = np.zeros(3)
 
     def reset(self, snapshot: Snapshot, goal: OpenGoal) -> None:
         """Begin an episode at its first state, in which the arm is at rest (B = 1)."""
-        self.phase = Phase.APPROACH
+        self.phase, self._steps_in_phase = Phase.APPROACH, 0
         offset = snapshot.tool_position_w[0, 0] - _base_position(snapshot)
         self._rest_offset = _yaw_matrix(-snapshot.robot_qpos[0, 2]) @ offset
 
@@ -121,26 +126,36 @@ class OpenCabinetExpert:
     # -- deciding ------------------------------------------------------------------------------------------------
 
     def _advance_phase(self, snapshot: Snapshot, goal: OpenGoal, grasp: _Frame, tool: _Frame) -> None:
-        config = self.config
-        error = tool.rotation.T @ (grasp.position - tool.position)  # in the hand's frame: z is forward
+        before = self.phase
+        error = tool.rotation.T @ (
+            grasp.position - tool.position
+        )  # in the hand's frame: x along the handle, z forward
         angle = float(np.linalg.norm(_rotation_error(tool.rotation, grasp.rotation)))
-        sideways, distance = float(np.hypot(error[0], error[1])), float(np.linalg.norm(error))
-        gripping = self.phase in (Phase.GRIP, Phase.PULL)
-        if gripping and distance > config.slip_m:
+        if before is Phase.APPROACH:
+            self.phase = self._after_approach(error, angle)
+        elif before is Phase.REACH:
+            self.phase = self._after_reach(error, angle)
+        elif before is not Phase.HOLD and float(np.linalg.norm(error[1:])) > self.config.slip_m:
             self.phase = Phase.APPROACH
-        elif self.phase is Phase.APPROACH and sideways < config.aligned_m and angle < config.aligned_rad:
-            self.phase = Phase.REACH
-        elif self.phase is Phase.REACH and (sideways > 3 * config.aligned_m or angle > 3 * config.aligned_rad):
-            self.phase = Phase.APPROACH
-        elif self.phase is Phase.REACH and distance < config.grasp_m:
-            self.phase, self._grip_left = Phase.GRIP, config.grip_steps
-        elif self.phase is Phase.GRIP:
-            self._grip_left -= 1
-            if self._grip_left <= 0:
-                self.phase = Phase.PULL
-        elif self.phase in (Phase.PULL, Phase.HOLD):
+        elif before is Phase.GRIP and self._steps_in_phase >= self.config.grip_steps:
+            self.phase = Phase.PULL
+        elif before in (Phase.PULL, Phase.HOLD):
             open_enough = snapshot.object_qpos[0, goal.joint[0]] >= self._stop_qpos(goal)
             self.phase = Phase.HOLD if open_enough else Phase.PULL
+        self._steps_in_phase = self._steps_in_phase + 1 if self.phase is before else 0
+
+    def _after_approach(self, error: np.ndarray, angle: float) -> Phase:
+        aligned = float(np.hypot(error[0], error[1])) < self.config.aligned_m and angle < self.config.aligned_rad
+        return Phase.REACH if aligned else Phase.APPROACH
+
+    def _after_reach(self, error: np.ndarray, angle: float) -> Phase:
+        config = self.config
+        along, across, forward = np.abs(error)
+        if across > 3 * config.aligned_m or angle > 3 * config.aligned_rad:
+            return Phase.APPROACH
+        near = across < config.grasp_m and along < 3 * config.grasp_m
+        blocked = self._steps_in_phase >= config.blocked_steps and forward < config.blocked_m
+        return Phase.GRIP if near and (forward < config.grasp_m or blocked) else Phase.REACH
 
     def _stop_qpos(self, goal: OpenGoal) -> float:
         return float(goal.open_qpos[0] + self.config.overshoot * (goal.upper[0] - goal.open_qpos[0]))

@@ -30,4 +30,4 @@ def clamp(values: Array, low: float, high: float) -> Array:
 def norm(vectors: Array) -> Array:
     """Euclidean length over the last axis. (..., n) -> (...)."""
     xp = namespace(vectors)
-    return xp.sqrt(xp.sum(vectors * vectors, axis=-1))
+    return xp.sqrt(xp.vecdot(vectors, vectors))

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from artiskill.errors import ActionError
 from artiskill.robots.config import RobotConfig, load_arm
 
 
@@ -38,3 +39,21 @@ def action_scale(config: RobotConfig) -> ActionScale:
     arm_center = [0.0] * len(config.initial.arm_qpos_rad) + [(upper + lower) / 2] * 2
     count = len(config.mounts)
     return ActionScale(np.array([0.0] * 4 + arm_center * count), np.array(trunk + arm * count))
+
+
+def check_action(action: object, size: int) -> np.ndarray:
+    """An action as a float64 array.
+
+    Raises:
+        ActionError: it is not `size` finite numbers.
+    """
+    try:
+        array = np.asarray(action, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ActionError(f"an action is {size} numbers, not {action!r}") from error
+    if array.shape != (size,):
+        raise ActionError(f"an action has shape ({size},), not {array.shape}")
+    if not np.isfinite(array).all():
+        bad = np.flatnonzero(~np.isfinite(array)).tolist()
+        raise ActionError(f"an action has finite numbers; entries {bad} are {array[bad].tolist()}")
+    return array

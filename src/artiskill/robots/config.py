@@ -1,13 +1,17 @@
 """What a robot's YAML holds: kinematics, inertias, collision shapes, drives and the meaning of actions."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Literal
 
 from artiskill.config import CONFIG_DIR, check, load_config
-from artiskill.errors import UnknownNameError
+from artiskill.errors import ConfigError, UnknownNameError
 
 ROBOT_DIR = CONFIG_DIR / "robots"
+_SIZES = {"box": 3, "capsule": 2, "cylinder": 2, "sphere": 1}  # numbers in a shape's size
 
 
 @dataclass(frozen=True)
@@ -19,11 +23,10 @@ class BodyConfig:
     inertia_kgm2: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        check(self.mass_kg > 0, f"mass_kg must be positive, not {self.mass_kg}")
-        check(len(self.center_of_mass_m) == 3, "center_of_mass_m needs three numbers")
-        check(
-            len(self.inertia_kgm2) == 3 and min(self.inertia_kgm2) > 0, "inertia_kgm2 needs three positive numbers"
-        )
+        _check_positive(self, "mass_kg")
+        _check_vector(self, "center_of_mass_m", "inertia_kgm2")
+        a, b, c = sorted(self.inertia_kgm2)
+        check(a > 0 and a + b >= c, f"no body has the principal moments inertia_kgm2 {list(self.inertia_kgm2)}")
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,14 @@ class ShapeConfig:
     position_m: tuple[float, ...]
     rpy_rad: tuple[float, ...] = (0.0, 0.0, 0.0)
 
+    def __post_init__(self) -> None:
+        _check_vector(self, "position_m", "rpy_rad")
+        count = _SIZES.get(self.kind, len(self.size))
+        check(
+            len(self.size) == count and all(0 < x < math.inf for x in self.size),
+            f"a {self.kind} has {count} sizes, all positive, not {list(self.size)}",
+        )
+
 
 @dataclass(frozen=True)
 class ArmJointConfig:
@@ -45,6 +56,11 @@ class ArmJointConfig:
     position_m: tuple[float, ...]
     range_rad: tuple[float, ...]
     effort_nm: float
+
+    def __post_init__(self) -> None:
+        _check_vector(self, "rpy_rad", "position_m")
+        _check_range(self, "range_rad")
+        _check_positive(self, "effort_nm")
 
 
 @dataclass(frozen=True)
@@ -65,6 +81,9 @@ class HandConfig:
     body: BodyConfig
     collisions: tuple[ShapeConfig, ...]
 
+    def __post_init__(self) -> None:
+        _check_vector(self, "position_m", "rpy_rad")
+
 
 @dataclass(frozen=True)
 class FingerConfig:
@@ -78,6 +97,11 @@ class FingerConfig:
     pad_m: tuple[float, ...]
     line_start_m: tuple[float, ...]
     collisions: tuple[ShapeConfig, ...]
+
+    def __post_init__(self) -> None:
+        _check_vector(self, "position_m", "tip_m", "pad_m", "line_start_m")
+        _check_range(self, "range_m")
+        _check_positive(self, "effort_n")
 
 
 @dataclass(frozen=True)
@@ -104,6 +128,9 @@ class MountConfig:
     position_m: tuple[float, ...]
     rpy_rad: tuple[float, ...]
 
+    def __post_init__(self) -> None:
+        _check_vector(self, "position_m", "rpy_rad")
+
 
 @dataclass(frozen=True)
 class BaseConfig:
@@ -111,6 +138,9 @@ class BaseConfig:
 
     range_m: tuple[float, ...]
     body: BodyConfig
+
+    def __post_init__(self) -> None:
+        _check_range(self, "range_m")
 
 
 @dataclass(frozen=True)
@@ -121,6 +151,9 @@ class LiftConfig:
     body: BodyConfig
     collisions: tuple[ShapeConfig, ...]
 
+    def __post_init__(self) -> None:
+        _check_range(self, "range_m")
+
 
 @dataclass(frozen=True)
 class TorsoConfig:
@@ -129,6 +162,9 @@ class TorsoConfig:
     position_m: tuple[float, ...]
     body: BodyConfig
     collisions: tuple[ShapeConfig, ...]
+
+    def __post_init__(self) -> None:
+        _check_vector(self, "position_m")
 
 
 @dataclass(frozen=True)
@@ -158,7 +194,12 @@ class DriveConfig:
     finger_armature: float
 
     def __post_init__(self) -> None:
-        check(self.filter_cutoff_hz > 0, f"filter_cutoff_hz must be positive, not {self.filter_cutoff_hz}")
+        _check_positive(
+            self, "filter_cutoff_hz", "base_damping", "lift_damping", "arm_damping", "finger_stiffness"
+        )
+        for name in ("finger_damping", "joint_friction", "arm_armature", "finger_armature"):
+            value = getattr(self, name)
+            check(0 <= value < math.inf, f"{name} must not be negative, and finite, not {value}")
 
 
 @dataclass(frozen=True)
@@ -169,6 +210,9 @@ class ActionConfig:
     yaw_rate_rad_s: float
     lift_velocity_m_s: float
     arm_velocity_rad_s: float
+
+    def __post_init__(self) -> None:
+        _check_positive(self, "base_velocity_m_s", "yaw_rate_rad_s", "lift_velocity_m_s", "arm_velocity_rad_s")
 
 
 @dataclass(frozen=True)
@@ -198,6 +242,18 @@ class RobotConfig:
         check(
             bool(sides) and len(set(sides)) == len(sides), f"mounts need one or two different sides, not {sides}"
         )
+        try:
+            arm = load_arm(self.arm)
+        except UnknownNameError as error:
+            raise ConfigError(str(error)) from error
+        given, finger = self.initial.arm_qpos_rad, self.initial.finger_qpos_m
+        check(
+            len(given) == len(arm.joints),
+            f"initial.arm_qpos_rad needs {len(arm.joints)} numbers, one per joint, not {len(given)}",
+        )
+        for joint, value in zip(arm.joints, given, strict=True):
+            _check_inside(f"initial.arm_qpos_rad: {joint.name}", value, joint.range_rad)
+        _check_inside("initial.finger_qpos_m", finger, arm.finger.range_m)
 
 
 def load_robot(name: str) -> RobotConfig:
@@ -209,8 +265,13 @@ def load_robot(name: str) -> RobotConfig:
     return load_config(RobotConfig, _robot_file("robot", name, has_key="mounts"))
 
 
+@cache
 def load_arm(name: str) -> ArmConfig:
-    """An arm that comes with the package, by name."""
+    """An arm that comes with the package, by name.
+
+    Raises:
+        UnknownNameError: there is no such arm.
+    """
     return load_config(ArmConfig, _robot_file("arm", name, has_key="joints"))
 
 
@@ -221,3 +282,34 @@ def _robot_file(kind: str, name: str, has_key: str) -> Path:
     if name not in files:
         raise UnknownNameError(kind, name, files)
     return files[name]
+
+
+def _check_vector(config: object, *names: str) -> None:
+    for name in names:
+        value: Sequence[float] = getattr(config, name)
+        check(
+            len(value) == 3 and all(map(math.isfinite, value)),
+            f"{_where(config)}{name} needs three numbers, not {list(value)}",
+        )
+
+
+def _check_range(config: object, name: str) -> None:
+    value: Sequence[float] = getattr(config, name)
+    legal = len(value) == 2 and -math.inf < value[0] < value[1] < math.inf
+    check(legal, f"{_where(config)}{name} must be a lower and a higher number, not {list(value)}")
+
+
+def _check_positive(config: object, *names: str) -> None:
+    for name in names:
+        value: float = getattr(config, name)
+        check(0 < value < math.inf, f"{_where(config)}{name} must be positive, and finite, not {value}")
+
+
+def _check_inside(what: str, value: float, limits: Sequence[float]) -> None:
+    check(limits[0] <= value <= limits[1], f"{what} must lie in {list(limits)}, not {value}")
+
+
+def _where(config: object) -> str:
+    """The name of a part that has one, before its message."""
+    name = getattr(config, "name", "")
+    return f"{name}: " if name else ""

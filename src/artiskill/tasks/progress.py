@@ -41,4 +41,4 @@ class Progress:
     @property
     def success(self) -> np.ndarray:
         """Which episodes are solved at this instant, (B,) bool."""
-        return self.counted.all(axis=-1)
+        return np.asarray(self.counted.all(axis=-1))

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from artiskill.geometry.meshes import TriMesh, box, merge
 
 ROOT = Path(__file__).resolve().parents[3]
 
-# name of the link: its (part name, part id, mesh stem, boxes as (low corner, high corner)), file frame: y up, front +z
+# link: its (part name, part id, mesh stem, boxes as (low corner, high corner)); file frame: y up, front +z
 PARTS: dict[str, list[tuple[str, int, str, list[tuple[tuple[float, ...], tuple[float, ...]]]]]] = {
     "link_0": [  # a door on the left, hinge at its left edge, x = -0.6
         ("door_surface", 3, "original-1", [((-0.6, -0.5, 0.4), (0.0, 0.1, 0.44))]),
@@ -100,8 +100,8 @@ class ToyCabinet:
         for k, (link, parts) in enumerate(self.parts.items()):
             urdf += [f'<link name="{link}">', *(self._visual(link, *part[:3]) for part in parts), "</link>"]
             urdf.append(self.joints[link])
-            # original-4 hangs below the node that is the part
-            tree += [_node(name, id, stem) for name, id, stem, _ in parts]
+            # original-5 hangs below the node that is the part
+            tree += [_node(name, number, stem) for name, number, stem, _ in parts]
             mobility.append({"id": k, "parts": [{"id": p[1], "name": p[0], "children": []} for p in parts]})
             for _, _, stem, boxes in parts:
                 _write_obj(self.folder / "textured_objs" / f"{stem}.obj", boxes)
@@ -111,16 +111,17 @@ class ToyCabinet:
         (self.folder / "meta.json").write_text(json.dumps(self.meta))
         return self.folder
 
-    def _visual(self, link: str, name: str, id: int, stem: str) -> str:
-        attribute = f' name="{name}-{id}"' if self.names else ""
+    def _visual(self, link: str, name: str, number: int, stem: str) -> str:
+        attribute = f' name="{name}-{number}"' if self.names else ""
         origin = '<origin xyz="0.6 0 -0.42"/>' if link == "link_0" else ""
         mesh = f'<geometry><mesh filename="textured_objs/{stem}.obj"/></geometry>'
         return f"<visual{attribute}>{origin}{mesh}</visual><collision>{origin}{mesh}</collision>"
 
 
-def _node(name: str, id: int, stem: str) -> dict[str, object]:
-    leaf = {"id": id + 100, "name": "other_leaf", "objs": [stem]}
-    return {"id": id, "name": name, "children": [leaf]} if id == 7 else {"id": id, "name": name, "objs": [stem]}
+def _node(name: str, number: int, stem: str) -> dict[str, object]:
+    leaf = {"id": number + 100, "name": "other_leaf", "objs": [stem]}
+    node = {"id": number, "name": name}
+    return {**node, "children": [leaf]} if number == 7 else {**node, "objs": [stem]}
 
 
 def boxes_mesh(boxes: list[tuple[tuple[float, ...], tuple[float, ...]]]) -> TriMesh:
@@ -165,10 +166,10 @@ def load(cache_dir: Path) -> Callable[..., ArticulatedObject]:
 
 
 @pytest.fixture(scope="session")
-def dataset() -> Iterator[Path]:
+def dataset() -> Path:
     """The folder of the real data set."""
     given = os.environ.get("PARTNET_MOBILITY_DATASET")
     folder = Path(given) if given else ROOT.parent / "shared" / "partnet_mobility"
     if not (folder / "40147").is_dir():
         pytest.skip(f"no PartNet-Mobility object 40147 in {folder}; set PARTNET_MOBILITY_DATASET to try it")
-    yield folder
+    return folder

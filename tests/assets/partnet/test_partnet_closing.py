@@ -74,5 +74,5 @@ def test_degenerate_limits(toy, load, lower, upper, message):
 
 def test_missing_limits(toy, load):
     toy.joints["link_1"] = toy.joints["link_1"].partition("<limit")[0] + "</joint>"
-    with pytest.raises(AssetError, match="'joint_1'.*has no <limit>"):
+    with pytest.raises(AssetError, match=r"'joint_1'.*has no <limit>"):
         load(toy)

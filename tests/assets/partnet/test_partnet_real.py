@@ -69,12 +69,12 @@ def test_names_stripped(cabinet, dataset, cache_dir, tmp_path):
     assert import_partnet(folder, cache_dir=cache_dir).content_hash == cabinet.content_hash
 
 
-@pytest.mark.parametrize("id", ["40147", "179"])
-def test_annotations_agree_with_the_names_in_the_urdf(dataset, id):
-    if not (dataset / id).is_dir():
-        pytest.skip(f"no object {id} in {dataset}")
-    names = read_part_names(dataset / id)
-    for meshes in read_urdf(dataset / id / "mobility.urdf").links.values():
+@pytest.mark.parametrize("number", ["40147", "179"])
+def test_annotations_agree_with_the_names_in_the_urdf(dataset, number):
+    if not (dataset / number).is_dir():
+        pytest.skip(f"no object {number} in {dataset}")
+    names = read_part_names(dataset / number)
+    for meshes in read_urdf(dataset / number / "mobility.urdf").links.values():
         for mesh in meshes:
             nameless = UrdfMesh(None, mesh.file, mesh.pose, mesh.scale)
             assert names.label(nameless) == names.label(mesh)

@@ -9,7 +9,9 @@ these rules, and a warning says so:
 Only cabinets close; joints of chairs and buckets keep their drawn pose and their limits.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -64,7 +66,7 @@ def rest_joints(
         if closes and np.isinf(lower):
             warnings.append(f"joint {body.joint.name!r} of {body.name!r} turns without end: it has no closed pose")
         elif closes:
-            joint, said = _close(kind, lower, upper, lambda value, i=index: _front(bodies, points, i, value))
+            joint, said = _close(kind, lower, upper, partial(_front, bodies, points, index))
             warnings += [f"joint {body.joint.name!r} of {body.name!r}: {text}" for text in said]
         rest.append(joint)
     return rest, warnings
@@ -91,7 +93,9 @@ def check_limits(joint: UrdfJoint, where: str) -> tuple[float, float]:
     return lower, upper
 
 
-def _close(kind: JointKind, lower: float, upper: float, front) -> tuple[RestJoint, list[str]]:  # type: ignore[no-untyped-def]
+def _close(
+    kind: JointKind, lower: float, upper: float, front: Callable[[float], float]
+) -> tuple[RestJoint, list[str]]:
     """The joint that rests at its closed end; `front(value)` is how far the link stands out at a joint value."""
     span = upper - lower
     limits = (0.0, span)

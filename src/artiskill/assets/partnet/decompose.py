@@ -27,7 +27,7 @@ from artiskill.errors import MissingExtraError
 from artiskill.geometry.hulls import convex_hull, depth_inside
 from artiskill.geometry.meshes import TriMesh, merge, sample_surface
 
-_VERSION = 1  # of the algorithm: a new number makes old cache files void
+_VERSION = 2  # of the algorithm: a new number makes old cache files void
 _PROBES = 400  # samples of a hull's surface in the test of a hull alone
 _MOST_PIECES = 48  # connected pieces of a mesh that are looked at one by one
 _MOST_SLABS = 6  # flat faces of a bent sheet that become a slab each
@@ -164,7 +164,7 @@ def _run_coacd(mesh: TriMesh, config: DecompositionConfig) -> list[np.ndarray]:
     return [thick_hull(np.asarray(v, dtype=float), config.thickness_m)[0].mesh.vertices for v, _ in pieces]
 
 
-def import_coacd():  # type: ignore[no-untyped-def]  # noqa: ANN201 - the package has no types
+def import_coacd():  # type: ignore[no-untyped-def]
     """The module coacd.
 
     Raises:
@@ -202,7 +202,7 @@ def _merge_cheapest(hulls: list[np.ndarray]) -> list[np.ndarray]:
 def _load(path: Path, count: int) -> list[list[np.ndarray]] | None:
     """What `_save` wrote, or None where there is no such file or it is damaged."""
     try:
-        with np.load(path, allow_pickle=False) as data:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
             points, sizes, counts = data["points"], data["sizes"], data["counts"]
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None
@@ -228,5 +228,7 @@ def _save(path: Path, parts: list[list[np.ndarray]]) -> None:
             )
         temporary.replace(path)
     except OSError:
+        pass
+    finally:
         if temporary is not None:
             temporary.unlink(missing_ok=True)

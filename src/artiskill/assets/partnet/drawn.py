@@ -19,7 +19,8 @@ class DrawnMesh:
 
     Attributes:
         label: which part it belongs to.
-        sections: one mesh per material; in the body's frame and the file's units, later in the link's frame, metres.
+        sections: one mesh per material; in the body's frame and the file's units, then in the
+            link's frame and metres.
     """
 
     label: PartLabel

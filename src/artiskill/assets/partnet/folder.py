@@ -15,7 +15,10 @@ URDF_NAME = "mobility.urdf"
 _MOST_ZIP_BYTES = 2 * 1024**3
 
 
-def find_partnet_folder(id: str, dataset_dir: Path | str | None = None) -> Path:
+def find_partnet_folder(
+    id: str,  # noqa: A002 - the data set's word
+    dataset_dir: Path | str | None = None,
+) -> Path:
     """The folder `<dataset>/<id>` or the zip `<dataset>/<id>.zip` of an object.
 
     Args:

@@ -9,8 +9,8 @@ What is decided here, and written to `metadata`:
 - Closed is the lower limit, 0 (`closing`). Bodies that are rigid with the root are `base`.
 - Handles are the parts named so; on links that move. Where there are none, the object imports and a warning in
   `metadata["warnings"]` says so; it has no target links then.
-- Collision shapes follow the drawn surfaces, part by part (`decompose`); the URDF's own, the same meshes again, are
-  not convex and are left out.
+- Collision shapes follow the drawn surfaces, part by part (`decompose`); the URDF's own are the same
+  meshes again, not convex, and are left out.
 """
 
 import hashlib
@@ -270,9 +270,11 @@ def _remarks(links: tuple[Link, ...], handles: tuple[Handle, ...], category: Cat
     unnamed = [link.name for link in links if any(v.part == UNKNOWN for v in link.visuals)]
     if unnamed:
         remarks.append(f"meshes without a part name, in the URDF and in result.json, on: {', '.join(unnamed)}")
-    for link in links[1:]:
-        if not link.collisions:
-            remarks.append(f"link {link.name!r} has no mesh: it has a joint but neither surface nor mass")
+    remarks += [
+        f"link {link.name!r} has no mesh: it has a joint but neither surface nor mass"
+        for link in links[1:]
+        if not link.collisions
+    ]
     if category == "cabinet" and not handles:
         remarks.append("no movable link has a part named handle or knob: the object has no target links")
     return remarks + (find_overlaps(links) if category == "cabinet" else [])

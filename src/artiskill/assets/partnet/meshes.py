@@ -24,10 +24,11 @@ def weld(mesh: TriMesh, tolerance_m: float = 1e-6) -> TriMesh:
 
 
 def components(mesh: TriMesh) -> list[TriMesh]:
-    """The pieces of a welded mesh that share no vertex."""
-    edges = np.concatenate((mesh.faces[:, :2], mesh.faces[:, 1:]))
-    label = _labels(edges, len(mesh.vertices))
-    return _split(mesh, label[mesh.faces[:, 0]])
+    """The pieces of a welded mesh that hang together by edges of exactly two faces.
+
+    Boxes that touch along an edge or at a corner are pieces of their own, and so are sheets that meet in a T.
+    """
+    return _split(mesh, _labels(_neighbours(mesh), len(mesh.faces)))
 
 
 def flat_patches(mesh: TriMesh, angle_rad: float = 0.02) -> list[TriMesh]:
@@ -37,14 +38,20 @@ def flat_patches(mesh: TriMesh, angle_rad: float = 0.02) -> list[TriMesh]:
         mesh.vertices[mesh.faces[:, 2]] - mesh.vertices[mesh.faces[:, 0]],
     )
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-    edges = np.sort(np.concatenate([mesh.faces[:, [k, (k + 1) % 3]] for k in range(3)]), axis=1)
-    owner = np.tile(np.arange(len(mesh.faces)), 3)
-    order = np.lexsort((edges[:, 1], edges[:, 0]))
-    edges, owner = edges[order], owner[order]
-    same = np.nonzero((edges[1:] == edges[:-1]).all(axis=1))[0]
-    pairs = np.stack((owner[same], owner[same + 1]), axis=1)
+    pairs = _neighbours(mesh)
     flat = np.abs(np.einsum("pi,pi->p", normals[pairs[:, 0]], normals[pairs[:, 1]])) > np.cos(angle_rad)
     return _split(mesh, _labels(pairs[flat], len(mesh.faces)))
+
+
+def _neighbours(mesh: TriMesh) -> np.ndarray:
+    """(P, 2) faces that share an edge with each other and with no third one."""
+    edges = np.sort(np.concatenate([mesh.faces[:, [k, (k + 1) % 3]] for k in range(3)]), axis=1)
+    owner = np.tile(np.arange(len(mesh.faces)), 3)
+    _, edge_of, uses = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
+    edge_of = edge_of.reshape(-1)
+    order = np.argsort(edge_of, kind="stable")
+    paired = order[uses[edge_of[order]] == 2]
+    return owner[paired].reshape(-1, 2)
 
 
 def _labels(edges: np.ndarray, count: int) -> np.ndarray:

@@ -4,6 +4,7 @@ Texture coordinates keep OBJ's convention: (0, 0) is the image's lower left corn
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -52,7 +53,11 @@ def read_obj(path: Path, where: str) -> tuple[ObjPart, ...]:
     if not path.is_file():
         raise AssetError(f"{where}: mesh file {path.name!r} does not exist in {path.parent.name!r}")
     reader = _ObjReader(path, f"{where}: mesh file {path.name!r}")
-    for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
+    try:
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise AssetError(f"{where}: mesh file {path.name!r} cannot be read: {error.strerror}") from error
+    for number, line in enumerate(text.splitlines(), start=1):
         words = line.split("#", 1)[0].split()
         if words:
             reader.read(words, number)
@@ -110,7 +115,7 @@ class _ObjReader:
         if len(corners) < 3:
             raise ValueError
         triangles = self._corners.setdefault(self._material, [])
-        for second, third in zip(corners[1:-1], corners[2:], strict=True):
+        for second, third in pairwise(corners[1:]):
             triangles += (corners[0], second, third)
 
     def _corner(self, value: str) -> tuple[int, int]:

@@ -124,3 +124,5 @@ def _read_json(path: Path) -> Any:
         return json.loads(path.read_bytes())
     except ValueError as error:  # JSONDecodeError and UnicodeDecodeError alike
         raise AssetError(f"{path.parent.name}/{path.name} is not valid JSON: {error}") from error
+    except OSError as error:
+        raise AssetError(f"{path.parent.name}/{path.name} cannot be read: {error.strerror}") from error

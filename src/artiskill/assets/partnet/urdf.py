@@ -71,6 +71,8 @@ def read_urdf(path: Path) -> UrdfModel:
         robot = ET.fromstring(path.read_bytes())
     except ET.ParseError as error:
         raise AssetError(f"{where} is not valid XML: {error}") from error
+    except OSError as error:
+        raise AssetError(f"{where} cannot be read: {error.strerror}") from error
     if robot.tag != "robot":
         raise AssetError(f"{where}: the root element must be <robot>, not <{robot.tag}>")
     links: dict[str, tuple[UrdfMesh, ...]] = {}

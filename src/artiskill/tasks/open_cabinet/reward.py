@@ -42,9 +42,9 @@ class Term(NamedTuple):
     elsewhere: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
 
-# Measured are: angle to the nearest grasp pose over pi; mean distance of the fingers' lines to the handle (m);
-# depth of their mid-line in the handle's hull (m); nothing; the joint's velocity (m/s or rad/s); how far it is open, 0 to 1;
-# speed of the target link (m/s) plus half its angular speed (rad/s).
+# What is measured: angle to the nearest grasp pose over pi; mean distance of the fingers' lines to the handle (m);
+# depth of their mid-line in the handle's hull (m); nothing; the joint's velocity (m/s or rad/s); how far it is
+# open, 0 to 1; speed of the target link (m/s) plus half its angular speed (rad/s).
 TERMS = {
     "hand_angle": Term(0.0, 1.0, 0.0, 1.0, (0,)),
     "handle_distance": Term(0.0, 1.0, 0.0, 2.0, (0, 1)),
@@ -101,13 +101,13 @@ def open_reward_terms(
     row, link, joint = goal.row, goal.link, goal.joint
     distance, depth = handle_proximity(snapshot, goal)
     flags = open_flags(snapshot, goal, success)
-    is_close = (xp.max(distance, axis=-1) <= config.close_distance_m) & (depth > 0)
+    is_close = (xp.maximum(distance[:, 0], distance[:, 1]) <= config.close_distance_m) & (depth > 0)
     still = xp.astype(flags["cabinet_static"], xp.int64)
     stage = xp.where(flags["open_enough"], 2 + still, xp.astype(is_close, xp.int64))  # (B,)
     qpos = snapshot.object_qpos[row, joint]
     measured = (
         hand_angle(snapshot, goal),
-        0.5 * xp.sum(distance, axis=-1),
+        0.5 * (distance[:, 0] + distance[:, 1]),
         depth,
         qpos,
         snapshot.object_qvel[row, joint],
@@ -137,9 +137,9 @@ def handle_proximity(snapshot: Snapshot, goal: OpenGoal) -> tuple[Array, Array]:
     start = lines[:, :, 0, :, None]  # (B, 2, 3, 1); coordinates before points: rows of P are fast to add up
     line = lines[:, :, 1, :, None] - start
     to_points = goal.handle_points[:, None] - start  # (B, 2, 3, P)
-    along = xp.sum(to_points * line, axis=-2, keepdims=True) / xp.sum(line * line, axis=-2, keepdims=True)
-    gap = to_points - clamp(along, 0.0, 1.0) * line
-    distance = xp.sqrt(xp.min(xp.sum(gap * gap, axis=-2), axis=-1))
+    along = xp.vecdot(to_points, line, axis=-2) / xp.vecdot(line, line, axis=-2)  # (B, 2, P)
+    gap = to_points - clamp(along, 0.0, 1.0)[:, :, None] * line
+    distance = xp.sqrt(xp.min(xp.vecdot(gap, gap, axis=-2), axis=-1))
     weights = xp.asarray(_MIDDLE_WEIGHTS, dtype=lines.dtype)
     samples = weights @ xp.reshape(lines, (-1, 4, 3))  # (B, 5, 3)
     return distance, xp.max(depth_inside(goal.handle_planes, samples), axis=-1)
@@ -150,8 +150,9 @@ def hand_angle(snapshot: Snapshot, goal: OpenGoal) -> Array:
     xp = namespace(snapshot.tool_rotation_w)
     rotation = snapshot.link_rotation_w[goal.row, goal.link]
     hand = xp.matrix_transpose(rotation) @ snapshot.tool_rotation_w[:, 0]  # in the link's frame
-    trace = xp.sum(hand[:, None] * goal.grasp_rotations, axis=(-2, -1))  # (B, G)
-    return xp.acos(clamp((xp.max(trace, axis=-1) - 1.0) / 2.0, -1.0, 1.0)) / xp.pi
+    # traces of the relative rotations, (B, G)
+    traces = xp.vecdot(xp.reshape(hand, (-1, 1, 9)), xp.reshape(goal.grasp_rotations, (hand.shape[0], -1, 9)))
+    return xp.acos(clamp(0.5 * (xp.max(traces, axis=-1) - 1.0), -1.0, 1.0)) / xp.pi
 
 
 def _ramp(value: Array, start: float, width: float) -> Array:

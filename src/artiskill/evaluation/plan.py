@@ -1,0 +1,144 @@
+"""What is to be evaluated, checked before the first step is simulated."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.assets.catalog import load_object, object_id_of, resolve_objects
+from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
+from artiskill.errors import ConfigError, PolicyError
+from artiskill.evaluation.policies import POLICY_NAMES, load_policy
+from artiskill.tasks.levels import check_level
+from artiskill.tasks.registry import make_task
+from artiskill.tasks.task import Task
+
+ALL_TARGETS = "all"
+ANY_TARGET = "any"
+_DEFAULT_OBS_MODE = "state"
+
+
+@dataclass(frozen=True, eq=False)
+class EpisodeBatch:
+    """Episodes on one object: the unit of work, and one row of a report.
+
+    Attributes:
+        task: name of the task.
+        overrides: changed values of its configuration.
+        object: an id, or the object itself where no id leads to it.
+        target: the target link; None if the level draws one.
+        levels: of the episodes.
+        policy: as `load_policy` takes it.
+        obs_mode: of the environment.
+    """
+
+    task: str
+    overrides: Mapping[str, Any]
+    object: str | ArticulatedObject
+    target: str | None
+    levels: tuple[int, ...]
+    policy: Any
+    obs_mode: str
+
+    @property
+    def row(self) -> tuple[str, str]:
+        """Object and target as a report names them."""
+        return object_id_of(self.object), self.target or ANY_TARGET
+
+    def make_env(self, render_mode: str | None = None) -> ManipulationEnv:
+        """Its environment."""
+        return ManipulationEnv(
+            task=self.task,
+            objects=[self.object],
+            target=self.target,
+            obs_mode=self.obs_mode,
+            render_mode=render_mode,
+            config=self.overrides,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """An evaluation that is ready to run.
+
+    Attributes:
+        task: with its resolved configuration.
+        policy_name: as reports call the policy.
+        policy: as `load_policy` takes it.
+        policy_sha256: of a solution file's bytes; else None.
+        obs_mode: of the environments.
+        batches: one per row of the report.
+    """
+
+    task: Task
+    policy_name: str
+    policy: Any
+    policy_sha256: str | None
+    obs_mode: str
+    batches: tuple[EpisodeBatch, ...]
+
+    @property
+    def num_episodes(self) -> int:
+        """Episodes in all."""
+        return sum(len(batch.levels) for batch in self.batches)
+
+    @property
+    def is_portable(self) -> bool:
+        """Whether another process can load the policy: by its name or path."""
+        return isinstance(self.policy, str)
+
+
+def make_plan(
+    task: str,
+    policy: Any,
+    objects: ObjectChoice = "test",
+    episodes: int = 10,
+    first_level: int = 0,
+    target: str | None = None,
+    obs_mode: str | None = None,
+    config: Mapping[str, Any] | None = None,
+) -> Plan:
+    """Check everything that can be checked beforehand; the arguments are those of `evaluate`.
+
+    Raises:
+        UnknownNameError: an unknown task, object, split, target link, observation mode or policy.
+        ConfigError: an illegal number of episodes or level, or an unknown or illegal configuration value.
+        AssetError: an object that the task cannot use.
+        PolicyError: a policy that cannot be loaded or needs another observation mode.
+    """
+    levels = _levels(episodes, first_level)
+    resolved = make_task(task, config)
+    actor = load_policy(policy)
+    if obs_mode is not None and actor.obs_mode not in (None, obs_mode):
+        raise PolicyError(f"{actor.name} needs obs_mode {actor.obs_mode!r}, but {obs_mode!r} was asked for")
+    obs_mode = obs_mode or actor.obs_mode or _DEFAULT_OBS_MODE
+    policy = policy if callable(policy) or hasattr(policy, "act") else str(policy)
+    batches = tuple(
+        EpisodeBatch(task, dict(config or {}), item, link, levels, policy, obs_mode)
+        for item in resolve_objects(objects, task=task)
+        for link in _targets(resolved, item, target)
+    )
+    for batch in batches[: len(batches) if target else 1]:  # a given target must exist on every object
+        batch.make_env()
+    return Plan(resolved, actor.name, policy, _digest(policy), obs_mode, batches)
+
+
+def _levels(episodes: object, first_level: object) -> tuple[int, ...]:
+    if isinstance(episodes, bool) or not isinstance(episodes, int) or episodes < 1:
+        raise ConfigError(f"episodes must be a whole number of at least 1, not {episodes!r}")
+    first = check_level(first_level)
+    check_level(first + episodes - 1)
+    return tuple(range(first, first + episodes))
+
+
+def _targets(task: Task, item: str | ArticulatedObject, target: str | None) -> tuple[str | None, ...]:
+    if target != ALL_TARGETS:
+        return (target,)
+    return task.targets(load_object(item) if isinstance(item, str) else item)
+
+
+def _digest(policy: Any) -> str | None:
+    is_file = isinstance(policy, str) and policy not in POLICY_NAMES
+    return hashlib.sha256(Path(policy).read_bytes()).hexdigest() if is_file else None

@@ -1,0 +1,131 @@
+"""Policies as evaluation sees them, and the two that come with the package: `expert` and `random`."""
+
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.errors import PolicyError, UnknownNameError
+from artiskill.evaluation.solution import Solution, read_solution
+from artiskill.experts.open_cabinet import OpenCabinetExpert
+
+POLICY_NAMES = ("expert", "random")
+# Levels use small numbers as spawn keys (`tasks.levels.Stream`); random actions must not follow any of them.
+_RANDOM_STREAM = 1000
+_EXPERTS: Mapping[str, type[OpenCabinetExpert]] = {"OpenCabinetDrawer": OpenCabinetExpert}
+
+
+class Actor(Protocol):
+    """A policy as evaluation sees it, privileged or not.
+
+    Only privileged policies may look at `env` beyond what `observation` and `info` say.
+
+    Attributes:
+        name: how reports and errors call it.
+        obs_mode: the observation mode that it needs; None if any will do.
+    """
+
+    name: str
+    obs_mode: str | None
+
+    def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
+        """Begin an episode, whose first observation and info these are."""
+
+    def act(self, env: ManipulationEnv, observation: Any) -> Any:
+        """The next action, (A,) in [-1, 1]."""
+
+
+class ExpertActor:
+    """The task's privileged controller: it reads `env.snapshot` and `env.goal`, not the observation."""
+
+    name = "expert"
+    obs_mode: str | None = None
+
+    def __init__(self) -> None:
+        self._expert: OpenCabinetExpert | None = None
+
+    def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
+        """Begin an episode.
+
+        Raises:
+            PolicyError: the task has no expert.
+        """
+        if env.task.name not in _EXPERTS:
+            raise PolicyError(f"there is no expert for {env.task.name}; tasks with one: {', '.join(_EXPERTS)}")
+        self._expert = _EXPERTS[env.task.name](env.task.robot)
+        self._expert.reset(env.snapshot, env.goal)
+
+    def act(self, env: ManipulationEnv, observation: Any) -> np.ndarray:
+        """The expert's action, (A,)."""
+        assert self._expert is not None
+        return self._expert.act(env.snapshot, env.goal)
+
+
+class RandomActor:
+    """Uniform actions, fixed by level and object."""
+
+    name = "random"
+    obs_mode: str | None = None
+
+    def __init__(self) -> None:
+        self._generator = np.random.default_rng(0)
+
+    def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
+        """Begin an episode with a generator of its own."""
+        entropy = (info["level"], zlib.crc32(info["object"].encode()))
+        seed = np.random.SeedSequence(entropy, spawn_key=(_RANDOM_STREAM,))
+        self._generator = np.random.Generator(np.random.PCG64(seed))
+
+    def act(self, env: ManipulationEnv, observation: Any) -> np.ndarray:
+        """Uniform in [-1, 1], (A,)."""
+        return self._generator.uniform(-1.0, 1.0, env.action_space.shape or ())
+
+
+class SolutionActor:
+    """A participant's function or `Policy` object: sees observation and info only, and answers for its errors."""
+
+    def __init__(self, solution: Solution) -> None:
+        self._solution = solution
+        self.name, self.obs_mode = solution.name, solution.obs_mode
+
+    def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
+        """Begin an episode.
+
+        Raises:
+            PolicyError: the policy raises.
+        """
+        self._solution.reset(observation, info)
+
+    def act(self, env: ManipulationEnv, observation: Any) -> np.ndarray:
+        """The policy's action, (A,) and finite.
+
+        Raises:
+            PolicyError: the policy raises or returns no legal action.
+        """
+        return self._solution.act(observation, env.action_space.shape or ())
+
+
+def load_policy(policy: Any) -> Actor:
+    """The actor of a name, of a solution file, or of a function or `Policy` object.
+
+    Args:
+        policy: `expert`, `random`, the path of a Python file (see docs/evaluation.md), a function
+            (observation) -> action, or an object with `obs_mode`, `reset` and `act`.
+
+    Raises:
+        UnknownNameError: text that is neither a policy's name nor looks like a Python file.
+        PolicyError: a solution file, function or object that cannot be used.
+    """
+    if not isinstance(policy, str | Path):
+        return SolutionActor(Solution.of_object(policy))
+    if str(policy) == "expert":
+        return ExpertActor()
+    if str(policy) == "random":
+        return RandomActor()
+    path = Path(policy)
+    if path.suffix != ".py" and not path.exists():
+        raise UnknownNameError("policy", str(policy), POLICY_NAMES, "Also legal: the path of a file solution.py.")
+    return SolutionActor(read_solution(path))

@@ -1,0 +1,106 @@
+"""Moving pictures of episodes: what a report's numbers look like."""
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.errors import ConfigError
+from artiskill.evaluation.episodes import run_episode
+from artiskill.evaluation.evaluate import check_workers
+from artiskill.evaluation.parallel import run_jobs
+from artiskill.evaluation.plan import EpisodeBatch, Plan
+from artiskill.evaluation.policies import load_policy
+from artiskill.evaluation.report_files import check_folder
+from artiskill.evaluation.video import caption, write_video
+from artiskill.tasks.open_cabinet.goal import OpenGoal
+
+_STEPS_PER_FRAME = 2
+_FRAMES_PER_S = 10.0  # with 20 environment steps per second, as fast as life
+_LAST_FRAME_S = 1.0
+
+
+@dataclass(frozen=True)
+class FrameDrawn:
+    """News of a recording: how far its episode has come, in environment steps."""
+
+    steps: int
+    done: bool
+
+
+def record_video(
+    plan: Plan,
+    path: Path | str,
+    count: int = 1,
+    workers: int = 1,
+    on_frame: Callable[[FrameDrawn], None] | None = None,
+) -> Path:
+    """Play the first level of the first objects of a plan again, and write what it looks like.
+
+    The episodes are those of the report, because a level fixes everything; the report does not depend on them.
+
+    Args:
+        plan: which episodes.
+        path: ends in .gif, .webp or .mp4.
+        count: how many objects; at most all of the plan.
+        workers: processes that draw.
+        on_frame: called after each frame.
+
+    Raises:
+        ConfigError: an illegal path or number.
+        PolicyError: the policy raises or returns no legal action.
+    """
+    path = Path(path)
+    check_video(path, count)
+    check_workers(plan, workers)
+    strips = run_jobs(_record, plan.batches[:count], workers, on_frame)
+    frames = [frame for strip in strips for frame in strip]
+    try:
+        return write_video(path, frames, _FRAMES_PER_S)
+    except OSError as error:
+        raise ConfigError(f"cannot write the video {str(path)!r}: {error.strerror or error}") from error
+
+
+def check_video(path: Path | str, count: int = 1) -> None:
+    """See whether a video could be written, before anything is simulated.
+
+    Raises:
+        ConfigError: an unknown suffix, a folder that cannot be written to, or an illegal count.
+        MissingExtraError: a format whose writer is not installed.
+    """
+    path = Path(path)
+    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+        raise ConfigError(f"the number of episodes in a video must be at least 1, not {count!r}")
+    if path.is_dir():
+        raise ConfigError(f"cannot write the video {str(path)!r}: it is a folder")
+    check_folder(path.parent)
+    with tempfile.TemporaryDirectory() as folder:  # the writer itself knows best what it can write
+        write_video(Path(folder) / path.name, [np.zeros((16, 16, 3), np.uint8)], _FRAMES_PER_S)
+
+
+def _record(batch: EpisodeBatch, tell: Callable[[FrameDrawn], None]) -> list[np.ndarray]:
+    frames: list[np.ndarray] = []
+
+    def watch(env: ManipulationEnv, steps: int, done: bool) -> None:
+        if done or steps % _STEPS_PER_FRAME == 0:
+            frames.append(caption(env.render(), _caption(env, done)))
+            tell(FrameDrawn(steps, done))
+
+    run_episode(batch.make_env("rgb_array"), load_policy(batch.policy), batch.levels[0], watch)
+    return frames + [frames[-1]] * round(_LAST_FRAME_S * _FRAMES_PER_S)
+
+
+def _caption(env: ManipulationEnv, done: bool) -> str:
+    """Object, target, how far open, and how it ended."""
+    state = env.save_state()
+    parts = [state.object, state.target]
+    goal = env.goal
+    if isinstance(goal, OpenGoal):
+        opened = env.snapshot.object_qpos[0, goal.joint[0]] - goal.lower[0]
+        parts.append(f"{opened / (goal.upper[0] - goal.lower[0]):4.0%} open".strip())
+    if done:
+        parts.append("success" if state.streaks.min() >= env.task.hold_steps else "not solved")
+    return "  ·  ".join(parts)

@@ -1,0 +1,117 @@
+"""Reports on disk: JSON, CSV, Markdown and the resolved configuration; each file appears whole or not at all."""
+
+import csv
+import io
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+
+from artiskill.config import dump_yaml
+from artiskill.errors import ConfigError
+from artiskill.evaluation.report import Report, Tally
+
+REPORT_FILES = ("config.yaml", "episodes.csv", "report.csv", "report.md", "report.json")
+
+
+def write_report(report: Report, folder: Path | str) -> Path:
+    """Write the files of `REPORT_FILES`; those of an earlier report are replaced, other files left alone.
+
+    Everything is written under a temporary name first. report.json comes last: where it is new, all others are.
+
+    Returns:
+        The folder.
+
+    Raises:
+        ConfigError: the folder cannot be made or written to.
+    """
+    folder = Path(folder)
+    check_folder(folder)
+    texts = {
+        "config.yaml": dump_yaml(report.config),
+        "episodes.csv": episodes_csv(report),
+        "report.csv": report_csv(report),
+        "report.md": report_markdown(report),
+        "report.json": json.dumps(report.to_mapping(), indent=2) + "\n",
+    }
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=".report-", dir=folder))
+        try:
+            for name in REPORT_FILES:
+                (temporary / name).write_text(texts[name], encoding="utf-8")
+            for name in REPORT_FILES:
+                os.replace(temporary / name, folder / name)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+    except OSError as error:
+        raise ConfigError(f"cannot write the report to {str(folder)!r}: {error.strerror}") from error
+    return folder
+
+
+def check_folder(folder: Path) -> None:
+    """See whether a folder can be written to, or made, without making it.
+
+    Raises:
+        ConfigError: it cannot; better said before an evaluation than after it.
+    """
+    existing = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
+    if not existing.is_dir():
+        raise ConfigError(f"cannot write to {str(folder)!r}: {str(existing)!r} is not a folder")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise ConfigError(f"cannot write to {str(folder)!r}: no permission for {str(existing)!r}")
+
+
+def report_csv(report: Report) -> str:
+    """One line per object."""
+    flags = list(report.total.flags)
+    head = ["object", "target", "episodes", "successes", "success_rate", "interval_low", "interval_high"]
+    rows = [
+        [
+            *(r.object, r.target, r.tally.episodes, r.tally.successes, r.tally.success_rate, *r.tally.interval),
+            *(r.tally.mean_length, *(r.tally.flags[name] for name in flags)),
+        ]
+        for r in report.rows
+    ]
+    return _csv([*head, "mean_length", *flags], rows)
+
+
+def episodes_csv(report: Report) -> str:
+    """One line per episode."""
+    flags = list(report.total.flags)
+    rows = (
+        [e.object, e.target, e.level, int(e.success), e.length, *(int(e.flags[name]) for name in flags)]
+        for e in report.episodes
+    )
+    return _csv(["object", "target", "level", "success", "length", *flags], rows)
+
+
+def report_markdown(report: Report) -> str:
+    """A table for people."""
+    flags = list(report.total.flags)
+    columns = ["object", "target", "solved", "rate", "95 % interval", *flags, "mean steps"]
+    rows = [[r.object, r.target, *_cells(r.tally)] for r in report.rows]
+    rows.append(["**all**", "", *_cells(report.total)])
+    table = [columns, ["---"] * 2 + ["---:"] * (len(columns) - 2), *rows]
+    lines = [f"| {' | '.join(row)} |" for row in table]
+    first, last = report.levels
+    used = ", ".join(f"{name} {number}" for name, number in report.versions.items())
+    title = f"# {report.task}: {report.policy}\n\nLevels {first} to {last} of each object, `{report.obs_mode}`."
+    return f"{title}\n\n" + "\n".join(lines) + f"\n\nMade with {used}.\n"
+
+
+def _cells(tally: Tally) -> list[str]:
+    low, high = tally.interval
+    flags = [f"{rate:.0%}" for rate in tally.flags.values()]
+    rate, interval = f"{tally.success_rate:.1%}", f"{low:.1%} to {high:.1%}"
+    return [f"{tally.successes}/{tally.episodes}", rate, interval, *flags, f"{tally.mean_length:.1f}"]
+
+
+def _csv(head: list[str], rows: Iterable[list[object]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows(rows)
+    return text.getvalue()

@@ -1,0 +1,186 @@
+"""The Gymnasium face: what may be asked of it, and what it answers to mistakes."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import artiskill
+from artiskill.assets.catalog import load_object
+from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.errors import (
+    ActionError,
+    ArtiSkillError,
+    AssetError,
+    ConfigError,
+    ResetNeededError,
+    StateError,
+    UnknownNameError,
+)
+
+DRAWERS, DOORS_ONLY = "cabinet-0014", "cabinet-0003"
+
+
+@pytest.fixture
+def env() -> ManipulationEnv:
+    return ManipulationEnv(objects=DRAWERS)
+
+
+def test_every_cabinet_and_every_drawer_has_an_id() -> None:
+    ids = {name for name in gym.registry if name.startswith("ArtiSkill/")}
+    assert {"ArtiSkill/OpenCabinetDrawer-v0", "ArtiSkill/OpenCabinetDrawer_cabinet-0014_link_3-v0"} <= ids
+    assert len([name for name in ids if "_link_" in name]) == 70, "the benchmark's number of drawers"
+
+
+def test_objects_may_be_a_split_an_id_a_list_or_an_object() -> None:
+    test_ids = artiskill.list_objects(split="test", task="OpenCabinetDrawer")
+    drawn = {ManipulationEnv(objects="test").reset(seed=level)[1]["object"] for level in range(30)}
+    assert drawn <= set(test_ids)
+    assert len(drawn) > 5, "a random object per level"
+    assert ManipulationEnv(objects=DRAWERS).reset(seed=0)[1]["object"] == DRAWERS
+    both = ManipulationEnv(objects=[DRAWERS, load_object("generated:7")])
+    assert {both.reset(seed=level)[1]["object"] for level in range(12)} == {DRAWERS, "generated-7"}
+    assert ManipulationEnv(objects=load_object(DRAWERS)).reset(seed=0)[1]["object"] == DRAWERS
+
+
+def test_reset_without_a_seed_draws_the_next_level(env: ManipulationEnv) -> None:
+    levels = [env.reset(seed=5)[1]["level"], env.reset()[1]["level"], env.reset()[1]["level"]]
+    assert levels[0] == 5
+    assert len(set(levels)) == 3
+    again = [env.reset(seed=5)[1]["level"], env.reset()[1]["level"], env.reset()[1]["level"]]
+    assert again == levels, "the levels after a seed follow from it"
+
+
+def test_options_are_explicit(env: ManipulationEnv) -> None:
+    _, info = env.reset(options={"level": 8, "object": "cabinet-0005", "target": "link_1"})
+    assert (info["level"], info["object"], info["target"]) == (8, "cabinet-0005", "link_1")
+
+
+def test_truncated_after_the_limit_and_never_both(env: ManipulationEnv) -> None:
+    env = ManipulationEnv(objects=DRAWERS, config={"episode_steps": 7}, reward_mode="sparse")
+    env.reset(seed=0)
+    ends = [env.step(np.zeros(13, np.float32))[1:4] for _ in range(7)]
+    assert ends == [(0.0, False, False)] * 6 + [(0.0, False, True)]
+
+
+def test_actions_out_of_range_are_clipped(env: ManipulationEnv) -> None:
+    env.reset(seed=0)
+    env.step(np.full(13, 5.0))
+    far = env.save_state()
+    env.reset(seed=0)
+    env.step(np.ones(13))
+    np.testing.assert_array_equal(far.simulation.rows, env.save_state().simulation.rows)
+
+
+@pytest.mark.parametrize(
+    ("action", "says"),
+    [
+        (np.zeros(12), r"shape \(13,\), not \(12,\)"),
+        (np.zeros((1, 13)), r"shape \(13,\), not \(1, 13\)"),
+        (np.full(13, np.nan), "finite"),
+        ([0.0] * 12 + [np.inf], r"entries \[12\]"),
+        ("left", "13 numbers"),
+        (None, "finite|shape"),
+    ],
+)
+def test_illegal_actions(env: ManipulationEnv, action: object, says: str) -> None:
+    env.reset(seed=0)
+    before = env.save_state().simulation.rows
+    with pytest.raises(ActionError, match=says):
+        env.step(action)
+    np.testing.assert_array_equal(env.save_state().simulation.rows, before)
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "error", "says"),
+    [
+        ({"task": "OpenCabinetDrawr"}, UnknownNameError, "OpenCabinetDrawer"),
+        ({"objects": "tset"}, UnknownNameError, "test|cabinet"),
+        ({"objects": "cabinet-014"}, UnknownNameError, "cabinet-0"),
+        ({"objects": []}, AssetError, "at least one"),
+        ({"objects": DOORS_ONLY}, AssetError, "no drawer"),
+        ({"obs_mode": "states"}, UnknownNameError, "'state'"),
+        ({"reward_mode": "dens"}, UnknownNameError, "'dense'"),
+        ({"render_mode": "human"}, UnknownNameError, "rgb_array"),
+        ({"objects": DRAWERS, "target": "link_9"}, UnknownNameError, "link_3"),
+        ({"config": {"episode_step": 3}}, ConfigError, "episode_steps"),
+        ({"config": {"physics.timestep_s": 0.5}}, ConfigError, "timestep_s"),
+        ({"config": {"physics.timestep": 0.001}}, ConfigError, "timestep_s"),
+        ({"config": {"reward.weights.hand_angel": 1}}, ConfigError, "hand_angle"),
+        ({"config": {"robot": "two_arm"}}, UnknownNameError, "one_arm"),
+    ],
+)
+def test_illegal_constructions(kwargs: dict, error: type[ArtiSkillError], says: str) -> None:
+    with pytest.raises(error, match=says):
+        ManipulationEnv(**kwargs)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "says"),
+    [
+        ({"levle": 3}, UnknownNameError, "level"),
+        ({"level": -1}, ConfigError, "from 0"),
+        ({"level": 1.5}, ConfigError, "integer"),
+        ({"object": "cabinet-9999"}, UnknownNameError, "cabinet-"),
+        ({"target": "base"}, UnknownNameError, "link_"),
+    ],
+)
+def test_illegal_reset_options(
+    env: ManipulationEnv, options: dict, error: type[ArtiSkillError], says: str
+) -> None:
+    with pytest.raises(error, match=says):
+        env.reset(options=options)
+
+
+def test_nothing_works_before_the_first_reset(env: ManipulationEnv) -> None:
+    for use in (lambda: env.step(np.zeros(13)), env.save_state, lambda: env.snapshot, lambda: env.goal):
+        with pytest.raises(ResetNeededError, match="reset"):
+            use()
+
+
+def test_a_failed_reset_leaves_the_episode_as_it_was(env: ManipulationEnv) -> None:
+    observation, info = env.reset(seed=2)
+    with pytest.raises(UnknownNameError):
+        env.reset(options={"object": "cabinet-9999"})
+    state = env.save_state()
+    assert (state.level, state.object) == (2, info["object"])
+    restored, _ = env.restore_state(state)
+    np.testing.assert_array_equal(restored, observation)
+
+
+def test_states_of_others_are_refused(env: ManipulationEnv) -> None:
+    env.reset(seed=0)
+    with pytest.raises(StateError, match="ndarray"):
+        env.restore_state(np.zeros(3))  # type: ignore[arg-type]
+
+
+def test_rendering_needs_a_mode(env: ManipulationEnv) -> None:
+    env.reset(seed=0)
+    with pytest.raises(ConfigError, match="rgb_array"):
+        env.render()
+
+
+def test_pictures_show_the_scene() -> None:
+    env = ManipulationEnv(objects=DRAWERS, render_mode="rgb_array")
+    env.reset(seed=0)
+    first = env.render()
+    assert (first.shape, first.dtype) == ((480, 640, 3), np.uint8)
+    assert len(np.unique(first.reshape(-1, 3), axis=0)) > 1000, "more than a plain background"
+    env.reset(options={"level": 0, "object": "cabinet-0005"})
+    assert (env.render() != first).any(axis=-1).mean() > 0.02, "another cabinet looks different"
+
+
+def test_the_docstring_tells_the_spaces(env: ManipulationEnv) -> None:
+    text = ManipulationEnv.__doc__ or ""
+    rows = [row for row in text.splitlines() if row.strip().startswith("| ") and "---" not in row][1:]
+    numbers = [row.split("|")[1].strip() for row in rows]
+    covered = []
+    for entry in numbers:
+        first, _, last = entry.partition("-")
+        covered += range(int(first), int(last or first) + 1)
+    assert covered == list(range(env.action_space.shape[0]))
+    scale = env._scale
+    for row in rows:
+        first = int(row.split("|")[1].strip().partition("-")[0])
+        low, high = row.split("|")[3].strip().split(" ")[0], row.split("|")[3].strip().split(" ")[2]
+        np.testing.assert_allclose(scale.to_targets(-np.ones(13))[first], float(low), atol=1e-12)
+        np.testing.assert_allclose(scale.to_targets(np.ones(13))[first], float(high), atol=1e-12)

@@ -1,0 +1,218 @@
+"""Rewards, flags and observations as functions of snapshots: any array library, any batch, hand-made states."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.assets.catalog import load_object
+from artiskill.errors import AssetError, ConfigError, UnknownNameError
+from artiskill.scene.scene import build_scene
+from artiskill.sim.simulation import Simulation
+from artiskill.sim.snapshot import Snapshot
+from artiskill.tasks.levels import MAX_LEVEL, Stream, check_level, level_generator
+from artiskill.tasks.open_cabinet.goal import OpenGoal, make_open_goal, stack_goals
+from artiskill.tasks.open_cabinet.reward import TERMS, hand_angle, handle_proximity
+from artiskill.tasks.registry import make_task
+
+TASK = make_task("OpenCabinetDrawer")
+
+
+@pytest.fixture(scope="module")
+def cabinet() -> ArticulatedObject:
+    return load_object("cabinet-0014")
+
+
+@pytest.fixture(scope="module")
+def moving(cabinet: ArticulatedObject) -> tuple[Snapshot, OpenGoal]:
+    """Three environments after twenty random steps, with different targets."""
+    targets = TASK.targets(cabinet)[:3]
+    simulation = Simulation(build_scene(TASK.robot, cabinet, TASK.physics), num_envs=3)
+    states = [TASK.sample_initial_state(cabinet, level_generator(i, Stream.INITIAL_STATE)) for i in range(3)]
+    simulation.reset([dataclasses.replace(s, object_qpos=s.object_qpos + 0.1 * i) for i, s in enumerate(states)])
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        simulation.step(rng.uniform(-0.5, 0.5, (3, 13)))
+    return simulation.snapshot(), stack_goals([TASK.make_goal(cabinet, t) for t in targets])
+
+
+def converted(value: Any, asarray: Any) -> Any:
+    """A snapshot or goal whose arrays come from another library."""
+    arrays = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
+    return type(value)(**{k: asarray(v.copy()) if isinstance(v, np.ndarray) else v for k, v in arrays.items()})
+
+
+def row_of(value: Any, i: int) -> Any:
+    arrays = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
+    cut = {k: v[i : i + 1] if isinstance(v, np.ndarray) else v for k, v in arrays.items()}
+    return type(value)(**{**cut, **({"row": np.array([0])} if "row" in cut else {})})
+
+
+def answers(snapshot: Snapshot, goal: OpenGoal) -> dict[str, Any]:
+    return {
+        **TASK.flags(snapshot, goal),
+        **TASK.reward_terms(snapshot, goal),
+        "state": TASK.observe_state(snapshot, goal),
+    }
+
+
+def test_torch_gives_the_same_answers(moving: tuple[Snapshot, OpenGoal]) -> None:
+    torch = pytest.importorskip(
+        "torch", reason="the functions are tried on torch tensors where torch is installed"
+    )
+    ours = answers(*moving)
+    theirs = answers(*(converted(value, torch.asarray) for value in moving))
+    for name, value in ours.items():
+        assert isinstance(theirs[name], torch.Tensor), name
+        np.testing.assert_allclose(theirs[name].numpy(), value, atol=1e-7, err_msg=name)
+
+
+def test_a_batch_is_its_rows(moving: tuple[Snapshot, OpenGoal]) -> None:
+    whole = answers(*moving)
+    for i in range(3):
+        part = answers(*(row_of(value, i) for value in moving))
+        for name, value in whole.items():
+            np.testing.assert_array_equal(part[name][0], value[i], err_msg=name)
+
+
+def test_distance_is_that_of_segments_to_points(
+    moving: tuple[Snapshot, OpenGoal], cabinet: ArticulatedObject
+) -> None:
+    snapshot, goal = moving
+    distance, _ = handle_proximity(snapshot, goal)
+    for i in range(3):
+        link = int(goal.link[i])
+        handle = cabinet.handles_of(cabinet.links[link].name)[0]
+        points = handle.points @ snapshot.link_rotation_w[i, link].T + snapshot.link_position_w[i, link]
+        for finger in range(2):
+            start, tip = snapshot.finger_line_w[i, finger]
+            along = np.linspace(0, 1, 4001)[:, None]
+            dense = start + along * (tip - start)
+            brute = np.sqrt(((dense[:, None] - points[None]) ** 2).sum(-1)).min()
+            assert distance[i, finger] == pytest.approx(brute, abs=1e-5)
+
+
+def gripping(cabinet: ArticulatedObject, target: str, along_m: float = 0.0) -> tuple[Snapshot, OpenGoal]:
+    """A made-up instant in which an ideal hand holds the handle, or stands back from it by `along_m`."""
+    goal = make_open_goal(cabinet, target, 0.9)
+    simulation = Simulation(build_scene(TASK.robot, cabinet, TASK.physics))
+    simulation.reset([TASK.sample_initial_state(cabinet, np.random.default_rng(0))])
+    snapshot = simulation.snapshot()
+    rotation = goal.grasp_rotations[:, 0]
+    tool = snapshot.link_position_w[0, goal.link[0]] + goal.grasp_positions[0, 0] - along_m * rotation[0, :, 2]
+    across, forward = rotation[0, :, 1], rotation[0, :, 2]
+    gap = goal.grasp_width_m[0] / 2 + 0.001
+    ends = [[tool + s * gap * across + z * forward for z in (-0.025, 0.0085)] for s in (1, -1)]
+    return dataclasses.replace(snapshot, tool_rotation_w=rotation[None], finger_line_w=np.array(ends)[None]), goal
+
+
+def stage_of(snapshot: Snapshot, goal: OpenGoal) -> int:
+    return TASK.config.reward.stage_bonus.index(float(TASK.reward_terms(snapshot, goal)["stage"][0]))
+
+
+def test_an_ideal_grip_is_close_and_a_distant_hand_is_not(cabinet: ArticulatedObject) -> None:
+    snapshot, goal = gripping(cabinet, "link_3")
+    distance, depth = handle_proximity(snapshot, goal)
+    assert (distance < 0.01).all()
+    assert depth[0] > 0
+    assert hand_angle(snapshot, goal)[0] == pytest.approx(0, abs=1e-6)
+    assert stage_of(snapshot, goal) == 1
+    assert stage_of(*gripping(cabinet, "link_3", along_m=0.05)) == 0
+
+
+def test_reward_rises_on_the_way_to_the_handle(cabinet: ArticulatedObject) -> None:
+    weights = TASK.reward_weights
+    earned = []
+    for along in (0.5, 0.3, 0.1, 0.05, 0.02, 0.0):
+        terms = TASK.reward_terms(*gripping(cabinet, "link_3", along))
+        earned.append(sum(weights[name] * float(value[0]) for name, value in terms.items()))
+    assert earned == sorted(earned)
+    assert len(set(earned)) == len(earned)
+
+
+def test_ranges_of_terms_order_the_stages() -> None:
+    """With the weights that come with the package the best of a stage stays below the worst of the next."""
+    config = TASK.config.reward
+    worst, best = np.zeros(4), np.zeros(4)
+    for number, (name, term) in enumerate(TERMS.items()):
+        for stage in range(4):
+            ends = (term.low, term.high) if stage in term.asked_in else (config.elsewhere[stage, number],) * 2
+            values = [config.weights[name] * end for end in ends]
+            worst[stage] += min(values)
+            best[stage] += max(values)
+    # close to the handle, its distance is at most close_distance_m and its depth positive
+    closest = TERMS["handle_distance"].high - config.close_distance_m
+    worst[1] += -config.weights["handle_distance"] * closest
+    worst[1] += config.weights["enclosure"] * (1 - TERMS["enclosure"].start / TERMS["enclosure"].width)
+    # still means slow: at most 0.1 m/s and 1 rad/s, of which the term counts half
+    worst[3] += -config.weights["link_speed"] * (1 - 0.6)
+    assert (best[:3] < worst[1:]).all(), (best, worst)
+
+
+def test_still_compares_with_the_previous_step(cabinet: ArticulatedObject) -> None:
+    snapshot, goal = gripping(cabinet, "link_3")
+    assert bool(TASK.flags(snapshot, goal)["cabinet_static"][0])
+    for shift, still in ((0.1 * 0.05 * 0.99, True), (0.1 * 0.05 * 1.01, False)):
+        moved = snapshot.previous_link_position_w + np.array((shift, 0, 0))
+        flags = TASK.flags(dataclasses.replace(snapshot, previous_link_position_w=moved), goal)
+        assert bool(flags["cabinet_static"][0]) is still
+
+
+def test_open_from_nine_tenths(cabinet: ArticulatedObject) -> None:
+    snapshot, goal = gripping(cabinet, "link_3")
+    for fraction, is_open in ((0.899, False), (0.901, True)):
+        qpos = snapshot.object_qpos.copy()
+        qpos[0, goal.joint[0]] = fraction * goal.upper[0]
+        opened = dataclasses.replace(snapshot, object_qpos=qpos)
+        assert bool(TASK.flags(opened, goal)["open_enough"][0]) is is_open
+
+
+def test_initial_states_lie_in_their_ranges(cabinet: ArticulatedObject) -> None:
+    config = TASK.config.initial
+    for level in range(200):
+        state = TASK.sample_initial_state(cabinet, level_generator(level, Stream.INITIAL_STATE))
+        offset = state.robot_qpos[:2] - np.array(config.robot_circle_center_m)
+        assert 1.6 <= np.linalg.norm(offset) <= 1.8
+        assert abs(np.arctan2(offset[1], -offset[0])) <= 0.1 * np.pi + 1e-9
+        toward_center = np.arctan2(-offset[1], -offset[0])
+        turn = np.angle(np.exp(1j * (state.robot_qpos[2] - toward_center)))
+        assert abs(turn) <= 0.05 * np.pi + 1e-9
+        assert (state.object_qpos == 0).all()
+        assert ((state.joint_friction >= 0.05) & (state.joint_friction <= 0.15)).all()
+        assert ((state.joint_damping >= 5) & (state.joint_damping <= 20)).all()
+
+
+def test_goals_name_what_is_wrong(cabinet: ArticulatedObject) -> None:
+    with pytest.raises(UnknownNameError, match="link_3"):
+        make_open_goal(cabinet, "link_33", 0.9)
+    with pytest.raises(AssetError, match="no joint"):
+        make_open_goal(cabinet, "base", 0.9)
+
+
+def test_too_many_joints_for_the_state_vector(
+    cabinet: ArticulatedObject, moving: tuple[Snapshot, OpenGoal]
+) -> None:
+    small = make_task("OpenCabinetDrawer", {"max_object_joints": 2})
+    with pytest.raises(AssetError, match="max_object_joints"):
+        small.observe_state(*moving)
+
+
+def test_levels() -> None:
+    draws = [level_generator(3, stream).random() for stream in Stream]
+    assert len(set(draws)) == len(draws), "streams are independent"
+    assert level_generator(3, Stream.OBJECT).random() == draws[0]
+    assert check_level(np.int64(MAX_LEVEL)) == MAX_LEVEL
+    for bad in (-1, MAX_LEVEL + 1, 1.0, True, "3", None):
+        with pytest.raises(ConfigError, match="level"):
+            check_level(bad)
+
+
+def test_unknown_tasks_and_bad_values() -> None:
+    with pytest.raises(UnknownNameError, match="OpenCabinetDrawer"):
+        make_task("OpenCabinetDrawers")
+    with pytest.raises(ConfigError, match="stage_bonus"):
+        make_task("OpenCabinetDrawer", {"reward.stage_bonus": [1, 2, 3, 3]})
+    with pytest.raises(ConfigError, match="range"):
+        make_task("OpenCabinetDrawer", {"initial.joint_damping": [20, 5]})
