@@ -5,6 +5,7 @@ import subprocess
 import sys
 import warnings
 from dataclasses import fields
+from functools import partial
 
 import gymnasium as gym
 import mujoco
@@ -156,7 +157,8 @@ def test_asking_twice_answers_the_same(object_id: str) -> None:
     before = digest(env)
     snapshot, goal, task = env.snapshot, env.goal, env.task
     kept = {f.name: np.array(getattr(snapshot, f.name)) for f in fields(Snapshot)}
-    for ask in (task.flags, task.reward_terms):
+    flags = task.flags(snapshot, goal)
+    for ask in (task.flags, partial(task.reward_terms, flags=flags)):
         first, second = ask(snapshot, goal), ask(snapshot, goal)
         for name in first:
             np.testing.assert_array_equal(first[name], second[name])

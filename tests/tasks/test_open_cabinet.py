@@ -53,15 +53,13 @@ def row_of(value: Any, i: int) -> Any:
 def answers(snapshot: Snapshot, goal: OpenGoal) -> dict[str, Any]:
     return {
         **TASK.flags(snapshot, goal),
-        **TASK.reward_terms(snapshot, goal),
+        **TASK.reward_terms(snapshot, goal, TASK.flags(snapshot, goal)),
         "state": TASK.observe_state(snapshot, goal),
     }
 
 
 def test_torch_gives_the_same_answers(moving: tuple[Snapshot, OpenGoal]) -> None:
-    torch = pytest.importorskip(
-        "torch", reason="the functions are tried on torch tensors where torch is installed"
-    )
+    torch = pytest.importorskip("torch", reason="torch tensors are tried where torch is installed")
     ours = answers(*moving)
     theirs = answers(*(converted(value, torch.asarray) for value in moving))
     for name, value in ours.items():
@@ -109,7 +107,7 @@ def gripping(cabinet: ArticulatedObject, target: str, along_m: float = 0.0) -> t
 
 
 def stage_of(snapshot: Snapshot, goal: OpenGoal) -> int:
-    return TASK.config.reward.stage_bonus.index(float(TASK.reward_terms(snapshot, goal)["stage"][0]))
+    return TASK.config.reward.stage_bonus.index(float(answers(snapshot, goal)["stage"][0]))
 
 
 def test_an_ideal_grip_is_close_and_a_distant_hand_is_not(cabinet: ArticulatedObject) -> None:
@@ -126,8 +124,8 @@ def test_reward_rises_on_the_way_to_the_handle(cabinet: ArticulatedObject) -> No
     weights = TASK.reward_weights
     earned = []
     for along in (0.5, 0.3, 0.1, 0.05, 0.02, 0.0):
-        terms = TASK.reward_terms(*gripping(cabinet, "link_3", along))
-        earned.append(sum(weights[name] * float(value[0]) for name, value in terms.items()))
+        terms = answers(*gripping(cabinet, "link_3", along))
+        earned.append(sum(weight * float(terms[name][0]) for name, weight in weights.items()))
     assert earned == sorted(earned)
     assert len(set(earned)) == len(earned)
 

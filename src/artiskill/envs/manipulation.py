@@ -20,7 +20,7 @@ from artiskill.tasks.fields import field_bounds
 from artiskill.tasks.levels import MAX_LEVEL, Stream, check_level, level_generator
 from artiskill.tasks.progress import Progress
 from artiskill.tasks.registry import make_task
-from artiskill.tasks.task import Goal
+from artiskill.tasks.task import Flags, Goal
 
 OBSERVATION_MODES: tuple[str, ...] = ("state",)
 REWARD_MODES: tuple[str, ...] = ("dense", "sparse")
@@ -118,9 +118,9 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
         self.obs_mode, self.reward_mode, self.render_mode = obs_mode, reward_mode, render_mode
         self._casting = Casting(self.task, objects, target)
         self._scale = action_scale(self.task.robot)
-        bounds = field_bounds(self.task.state_fields)
-        self._bounds = bounds
-        self.observation_space = gym.spaces.Box(-bounds, bounds, dtype=np.float32)
+        self._upper = field_bounds(self.task.state_fields)
+        self._lower = -self._upper
+        self.observation_space = gym.spaces.Box(self._lower, self._upper, dtype=np.float32)
         self.action_space = gym.spaces.Box(-1.0, 1.0, self._scale.center.shape, np.float32)
         self._simulation: Simulation | None = None
         self._view: WorldView | None = None
@@ -173,8 +173,9 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
             raise ResetNeededError("call reset() before step()")
         simulation.step(self._scale.to_targets(action)[None])
         self._snapshot = snapshot = simulation.snapshot()
-        self._progress.advance(self.task.flags(snapshot, self._goal))
-        info, dense = self._info()
+        flags = self.task.flags(snapshot, self._goal)
+        self._progress.advance(flags)
+        info, dense = self._info(flags)
         success = info["success"]
         reward = dense if self.reward_mode == "dense" else float(success)
         truncated = bool(self._progress.elapsed[0] >= self.task.episode_steps) and not success
@@ -265,23 +266,25 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
 
     def _observe(self) -> np.ndarray:
         values = self.task.observe_state(self.snapshot, self._goal)[0]
-        return np.minimum(np.maximum(values, -self._bounds), self._bounds)
+        return np.minimum(np.maximum(values, self._lower), self._upper)
 
-    def _info(self) -> tuple[dict[str, Any], float]:
+    def _info(self, flags: Flags | None = None) -> tuple[dict[str, Any], float]:
         """Info of this instant, and the dense reward that its terms add up to."""
-        terms = self.task.reward_terms(self.snapshot, self._goal)
-        values = {name: float(value[0]) for name, value in terms.items()}
+        flags = self.task.flags(self.snapshot, self._goal) if flags is None else flags
+        terms = self.task.reward_terms(self.snapshot, self._goal, flags)
+        values = {name: value.item() for name, value in terms.items()}
         weights = self.task.reward_weights
+        counted = self._progress.counted[0].tolist()
         assert self._object is not None
         info = {
             "object": self._object.id,
             "level": self._level,
             "target": self._target,
-            "success": bool(self._progress.success[0]),
-            "flags": dict(zip(self._progress.flag_names, self._progress.counted[0].tolist(), strict=True)),
+            "success": all(counted),
+            "flags": dict(zip(self._progress.flag_names, counted, strict=True)),
             "reward_terms": values,
         }
-        return info, sum(weights.get(name, 0.0) * value for name, value in values.items())
+        return info, sum(weight * values[name] for name, weight in weights.items())
 
 
 def _check_name(kind: str, given: object, legal: tuple[str, ...]) -> None:

@@ -99,8 +99,8 @@ def _caption(env: ManipulationEnv, done: bool) -> str:
     parts = [state.object, state.target]
     goal = env.goal
     if isinstance(goal, OpenGoal):
-        opened = env.snapshot.object_qpos[0, goal.joint[0]] - goal.lower[0]
-        parts.append(f"{opened / (goal.upper[0] - goal.lower[0]):4.0%} open".strip())
+        opened = (env.snapshot.object_qpos[0, goal.joint[0]] - goal.lower[0]) / (goal.upper[0] - goal.lower[0])
+        parts.append(f"{round(100 * max(0.0, opened))} % open")  # a closed drawer gives a little: no "-0 %"
     if done:
         parts.append("success" if state.streaks.min() >= env.task.hold_steps else "not solved")
     return "  ·  ".join(parts)

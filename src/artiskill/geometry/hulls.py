@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from artiskill.geometry.arrays import Array, namespace
+from artiskill.geometry.arrays import Array, greatest, namespace
 from artiskill.geometry.meshes import TriMesh
 
 
@@ -64,4 +64,4 @@ def depth_inside(planes: Array, points: Array) -> Array:
     """
     xp = namespace(planes, points)
     heights = points @ xp.matrix_transpose(planes[..., :3]) + planes[..., None, :, 3]
-    return -xp.max(heights, axis=-1)
+    return -greatest(heights)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache
 from pathlib import Path
 from typing import Literal
@@ -198,8 +198,7 @@ class DriveConfig:
             self, "filter_cutoff_hz", "base_damping", "lift_damping", "arm_damping", "finger_stiffness"
         )
         for name in ("finger_damping", "joint_friction", "arm_armature", "finger_armature"):
-            value = getattr(self, name)
-            check(0 <= value < math.inf, f"{name} must not be negative, and finite, not {value}")
+            _check_value(self, name, 0 <= getattr(self, name) < math.inf, "must not be negative, and finite")
 
 
 @dataclass(frozen=True)
@@ -212,7 +211,7 @@ class ActionConfig:
     arm_velocity_rad_s: float
 
     def __post_init__(self) -> None:
-        _check_positive(self, "base_velocity_m_s", "yaw_rate_rad_s", "lift_velocity_m_s", "arm_velocity_rad_s")
+        _check_positive(self, *(f.name for f in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -239,21 +238,17 @@ class RobotConfig:
 
     def __post_init__(self) -> None:
         sides = [m.side for m in self.mounts]
-        check(
-            bool(sides) and len(set(sides)) == len(sides), f"mounts need one or two different sides, not {sides}"
-        )
+        differ = bool(sides) and len(set(sides)) == len(sides)
+        check(differ, f"mounts need one or two different sides, not {sides}")
         try:
             arm = load_arm(self.arm)
         except UnknownNameError as error:
             raise ConfigError(str(error)) from error
-        given, finger = self.initial.arm_qpos_rad, self.initial.finger_qpos_m
-        check(
-            len(given) == len(arm.joints),
-            f"initial.arm_qpos_rad needs {len(arm.joints)} numbers, one per joint, not {len(given)}",
-        )
+        given, count = self.initial.arm_qpos_rad, len(arm.joints)
+        check(len(given) == count, f"initial.arm_qpos_rad needs {count} numbers, one per joint, not {len(given)}")
         for joint, value in zip(arm.joints, given, strict=True):
             _check_inside(f"initial.arm_qpos_rad: {joint.name}", value, joint.range_rad)
-        _check_inside("initial.finger_qpos_m", finger, arm.finger.range_m)
+        _check_inside("initial.finger_qpos_m", self.initial.finger_qpos_m, arm.finger.range_m)
 
 
 def load_robot(name: str) -> RobotConfig:
@@ -267,18 +262,13 @@ def load_robot(name: str) -> RobotConfig:
 
 @cache
 def load_arm(name: str) -> ArmConfig:
-    """An arm that comes with the package, by name.
-
-    Raises:
-        UnknownNameError: there is no such arm.
-    """
+    """An arm that comes with the package, by name; errors as of `load_robot`."""
     return load_config(ArmConfig, _robot_file("arm", name, has_key="joints"))
 
 
 def _robot_file(kind: str, name: str, has_key: str) -> Path:
-    files = {
-        p.stem: p for p in ROBOT_DIR.glob("*.yaml") if f"\n{has_key}:" in "\n" + p.read_text(encoding="utf-8")
-    }
+    texts = {path: path.read_text(encoding="utf-8") for path in ROBOT_DIR.glob("*.yaml")}
+    files = {path.stem: path for path, text in texts.items() if f"\n{has_key}:" in "\n" + text}
     if name not in files:
         raise UnknownNameError(kind, name, files)
     return files[name]
@@ -286,30 +276,25 @@ def _robot_file(kind: str, name: str, has_key: str) -> Path:
 
 def _check_vector(config: object, *names: str) -> None:
     for name in names:
-        value: Sequence[float] = getattr(config, name)
-        check(
-            len(value) == 3 and all(map(math.isfinite, value)),
-            f"{_where(config)}{name} needs three numbers, not {list(value)}",
-        )
+        value = getattr(config, name)
+        _check_value(config, name, len(value) == 3 and all(map(math.isfinite, value)), "needs three numbers")
 
 
 def _check_range(config: object, name: str) -> None:
-    value: Sequence[float] = getattr(config, name)
+    value = getattr(config, name)
     legal = len(value) == 2 and -math.inf < value[0] < value[1] < math.inf
-    check(legal, f"{_where(config)}{name} must be a lower and a higher number, not {list(value)}")
+    _check_value(config, name, legal, "must be a lower and a higher number")
 
 
 def _check_positive(config: object, *names: str) -> None:
     for name in names:
-        value: float = getattr(config, name)
-        check(0 < value < math.inf, f"{_where(config)}{name} must be positive, and finite, not {value}")
+        _check_value(config, name, 0 < getattr(config, name) < math.inf, "must be positive, and finite")
+
+
+def _check_value(config: object, name: str, legal: bool, rule: str) -> None:
+    owner = getattr(config, "name", "")
+    check(legal, f"{owner}{': ' if owner else ''}{name} {rule}, not {getattr(config, name)}")
 
 
 def _check_inside(what: str, value: float, limits: Sequence[float]) -> None:
     check(limits[0] <= value <= limits[1], f"{what} must lie in {list(limits)}, not {value}")
-
-
-def _where(config: object) -> str:
-    """The name of a part that has one, before its message."""
-    name = getattr(config, "name", "")
-    return f"{name}: " if name else ""

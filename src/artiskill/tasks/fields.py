@@ -56,19 +56,28 @@ def object_fields(max_joints: int) -> tuple[ObservationField, ...]:
     )
 
 
-def robot_values(snapshot: Snapshot) -> list[Array]:
-    """The numbers of `robot_fields`, as arrays (B, n)."""
-    xp = namespace(snapshot.robot_qpos)
-    batch = snapshot.robot_qpos.shape[0]
-    qpos, qvel = snapshot.robot_qpos, snapshot.robot_qvel
-    return [
-        xp.reshape(snapshot.fingertip_position_w, (batch, -1)),
-        xp.reshape(snapshot.fingertip_velocity_w, (batch, -1)),
-        qpos[:, :3],
-        qvel[:, :3],
-        qpos[:, 3:],
-        qvel[:, 3:],
-    ]
+def robot_size(snapshot: Snapshot) -> int:
+    """How many numbers `robot_fields` has for the robot of a snapshot."""
+    fingertips, joints = snapshot.fingertip_velocity_w.shape[1], snapshot.robot_qpos.shape[1]
+    return 6 * fingertips + 2 * joints
+
+
+def write_robot(snapshot: Snapshot, out: Array) -> None:
+    """Write the numbers of `robot_fields` into `out`, (B, robot_size)."""
+    xp = namespace(out)
+    batch, tips = snapshot.fingertip_velocity_w.shape[:2]
+    values = (
+        xp.reshape(snapshot.fingertip_position_w, (batch, 3 * tips)),
+        xp.reshape(snapshot.fingertip_velocity_w, (batch, 3 * tips)),
+        snapshot.robot_qpos[:, :3],
+        snapshot.robot_qvel[:, :3],
+        snapshot.robot_qpos[:, 3:],
+        snapshot.robot_qvel[:, 3:],
+    )
+    start = 0
+    for value in values:
+        out[:, start : start + value.shape[1]] = value
+        start += value.shape[1]
 
 
 def field_bounds(fields: tuple[ObservationField, ...]) -> np.ndarray:

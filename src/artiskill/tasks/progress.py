@@ -29,8 +29,8 @@ class Progress:
 
     def advance(self, flags: Mapping[str, np.ndarray]) -> None:
         """Count one environment step with these flags, each (B,) bool."""
-        now = np.stack([flags[name] for name in self.flag_names], axis=-1)
-        self.streaks = np.where(now, self.streaks + 1, 0)
+        now = np.array([flags[name] for name in self.flag_names]).T
+        self.streaks = (self.streaks + 1) * now
         self.elapsed += 1
 
     @property

@@ -34,7 +34,7 @@ class Task:
         make_goal: (object, target) -> goal with B = 1.
         sample_initial_state: (object, generator) -> where an episode starts.
         flags: (snapshot, goal) -> name -> (B,) bool, each condition as it is at this instant.
-        reward_terms: (snapshot, goal) -> name -> (B,) unweighted terms of the dense reward.
+        reward_terms: (snapshot, goal, flags) -> name -> (B,) unweighted terms of the dense reward.
         reward_weights: name -> weight; the dense reward is the weighted sum.
         observe_state: (snapshot, goal) -> (B, D) float32.
         state_fields: what the D numbers are.
@@ -51,7 +51,7 @@ class Task:
     make_goal: Callable[[ArticulatedObject, str], Goal]
     sample_initial_state: Callable[[ArticulatedObject, np.random.Generator], InitialState]
     flags: Callable[[Snapshot, Goal], Flags]
-    reward_terms: Callable[[Snapshot, Goal], dict[str, Array]]
+    reward_terms: Callable[[Snapshot, Goal, Flags], dict[str, Array]]
     reward_weights: Mapping[str, float]
     observe_state: Callable[[Snapshot, Goal], Array]
     state_fields: tuple[ObservationField, ...]

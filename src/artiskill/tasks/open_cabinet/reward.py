@@ -13,11 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from artiskill.config import check
-from artiskill.geometry.arrays import Array, clamp, namespace
+from artiskill.geometry.arrays import Array, clamp, columns, greatest, least, namespace
 from artiskill.geometry.hulls import depth_inside
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet.goal import OpenGoal
-from artiskill.tasks.open_cabinet.success import SuccessConfig, open_flags
 
 _STAGES = 4
 
@@ -94,13 +93,12 @@ class RewardConfig:
 
 
 def open_reward_terms(
-    snapshot: Snapshot, goal: OpenGoal, config: RewardConfig, success: SuccessConfig
+    snapshot: Snapshot, goal: OpenGoal, flags: Mapping[str, Array], config: RewardConfig
 ) -> dict[str, Array]:
-    """Unweighted terms, each (B,); `TERMS` has their ranges."""
+    """Unweighted terms, each (B,); `TERMS` has their ranges, `flags` is what `open_flags` says of this instant."""
     xp = namespace(snapshot.object_qpos)
     row, link, joint = goal.row, goal.link, goal.joint
     distance, depth = handle_proximity(snapshot, goal)
-    flags = open_flags(snapshot, goal, success)
     is_close = (xp.maximum(distance[:, 0], distance[:, 1]) <= config.close_distance_m) & (depth > 0)
     still = xp.astype(flags["cabinet_static"], xp.int64)
     stage = xp.where(flags["open_enough"], 2 + still, xp.astype(is_close, xp.int64))  # (B,)
@@ -117,7 +115,7 @@ def open_reward_terms(
     start, width, low, high, elsewhere = (
         xp.asarray(c, dtype=qpos.dtype) for c in (_START, _WIDTH, _LOW, _HIGH, config.elsewhere)
     )
-    ramps = (xp.stack(measured, axis=-1) - start) / width  # (B, terms)
+    ramps = (columns(measured) - start) / width  # (B, terms)
     values = xp.where(xp.asarray(_ASKED)[stage], xp.minimum(xp.maximum(ramps, low), high), elsewhere[stage])
     return {name: values[:, i] for i, name in enumerate(TERMS)}
 
@@ -139,10 +137,10 @@ def handle_proximity(snapshot: Snapshot, goal: OpenGoal) -> tuple[Array, Array]:
     to_points = goal.handle_points[:, None] - start  # (B, 2, 3, P)
     along = xp.vecdot(to_points, line, axis=-2) / xp.vecdot(line, line, axis=-2)  # (B, 2, P)
     gap = to_points - clamp(along, 0.0, 1.0)[:, :, None] * line
-    distance = xp.sqrt(xp.min(xp.vecdot(gap, gap, axis=-2), axis=-1))
+    distance = xp.sqrt(least(xp.vecdot(gap, gap, axis=-2)))
     weights = xp.asarray(_MIDDLE_WEIGHTS, dtype=lines.dtype)
     samples = weights @ xp.reshape(lines, (-1, 4, 3))  # (B, 5, 3)
-    return distance, xp.max(depth_inside(goal.handle_planes, samples), axis=-1)
+    return distance, greatest(depth_inside(goal.handle_planes, samples))
 
 
 def hand_angle(snapshot: Snapshot, goal: OpenGoal) -> Array:
@@ -151,8 +149,8 @@ def hand_angle(snapshot: Snapshot, goal: OpenGoal) -> Array:
     rotation = snapshot.link_rotation_w[goal.row, goal.link]
     hand = xp.matrix_transpose(rotation) @ snapshot.tool_rotation_w[:, 0]  # in the link's frame
     # traces of the relative rotations, (B, G)
-    traces = xp.vecdot(xp.reshape(hand, (-1, 1, 9)), xp.reshape(goal.grasp_rotations, (hand.shape[0], -1, 9)))
-    return xp.acos(clamp(0.5 * (xp.max(traces, axis=-1) - 1.0), -1.0, 1.0)) / xp.pi
+    traces = xp.vecdot(xp.reshape(hand, (-1, 1, 9)), goal.grasp_rotations_flat)
+    return xp.acos(clamp(0.5 * (greatest(traces) - 1.0), -1.0, 1.0)) / xp.pi
 
 
 def _ramp(value: Array, start: float, width: float) -> Array:

@@ -1,12 +1,12 @@
 """The `state` observation of the cabinet tasks."""
 
-import numpy as np
-
 from artiskill.errors import AssetError
 from artiskill.geometry.arrays import Array, namespace
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.fields import ObservationField, object_fields, robot_fields, robot_values
+from artiskill.tasks.fields import ObservationField, object_fields, robot_fields, robot_size, write_robot
 from artiskill.tasks.open_cabinet.goal import OpenGoal
+
+_ROOT_SIZE = 13  # position, orientation, linear and angular velocity
 
 
 def state_fields(max_joints: int, arms: int) -> tuple[ObservationField, ...]:
@@ -28,19 +28,14 @@ def observe_cabinet_state(snapshot: Snapshot, goal: OpenGoal, max_joints: int) -
             f"an object with {joints} joints does not fit a state vector with max_object_joints = {max_joints}; "
             "raise that value in the task's config"
         )
-    dtype = snapshot.object_qpos.dtype
-    slots = xp.arange(max_joints)[None, :]
-    padding = xp.zeros((batch, max_joints - joints), dtype=dtype)
-    still = xp.zeros((batch, 6), dtype=dtype)  # a cabinet's root stands still
-    values = [
-        snapshot.link_position_w[:, 0],
-        snapshot.link_quaternion_w[:, 0],
-        still,
-        snapshot.object_qpos,
-        padding,
-        snapshot.object_qvel,
-        padding,
-        xp.astype(slots == goal.joint[:, None], dtype),
-        *robot_values(snapshot),
-    ]
-    return xp.astype(xp.concat(values, axis=-1), np.float32 if xp is np else xp.float32)
+    size = _ROOT_SIZE + 3 * max_joints
+    values = xp.zeros((batch, size + robot_size(snapshot)), dtype=xp.float32)
+    values[:, 0:3] = snapshot.link_position_w[:, 0]
+    values[:, 3:7] = snapshot.link_quaternion_w[
+        :, 0
+    ]  # then its velocities, which are 0: a cabinet's root stands still
+    values[:, _ROOT_SIZE : _ROOT_SIZE + joints] = snapshot.object_qpos
+    values[:, _ROOT_SIZE + max_joints : _ROOT_SIZE + max_joints + joints] = snapshot.object_qvel
+    values[goal.row, _ROOT_SIZE + 2 * max_joints + goal.joint] = 1.0
+    write_robot(snapshot, values[:, size:])
+    return values

@@ -95,7 +95,7 @@ def make_open_cabinet(config: OpenCabinetConfig) -> Task:
         make_goal=partial(make_open_goal, open_fraction=config.success.open_fraction),
         sample_initial_state=partial(_sample_initial_state, config=config.initial, robot=robot),
         flags=partial(open_flags, config=config.success),
-        reward_terms=partial(open_reward_terms, config=config.reward, success=config.success),
+        reward_terms=partial(open_reward_terms, config=config.reward),
         reward_weights=config.reward.weights,
         observe_state=partial(observe_cabinet_state, max_joints=config.max_object_joints),
         state_fields=state_fields(config.max_object_joints, arms=len(robot.mounts)),

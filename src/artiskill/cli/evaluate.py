@@ -1,0 +1,95 @@
+"""`artiskill evaluate`: a policy's success on many objects, shown, written down and filmed."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # at run time these take half a second, which `artiskill --help` does not have
+    from artiskill.evaluation.plan import Plan
+    from artiskill.evaluation.report import Report
+
+_EPILOG = """examples:
+  artiskill evaluate --policy expert --objects test --out results/expert
+  artiskill evaluate --policy my/solution.py --objects cabinet-0005 cabinet-0010 --episodes 50 --video look.gif
+  artiskill evaluate --policy random --objects train --set episode_steps=100
+
+docs/evaluation.md says how a solution file is written and how the numbers are made."""
+
+
+def add_command(commands: Any) -> None:
+    """Describe the command."""
+    parser = commands.add_parser(
+        "evaluate",
+        help="measure a policy on many objects",
+        description="Measure a policy on many objects.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--task", default="OpenCabinetDrawer", help="name of the task (default: %(default)s)")
+    parser.add_argument(
+        "--policy", default="expert", help="expert, random or path/to/solution.py (default: expert)"
+    )
+    parser.add_argument(
+        "--objects", nargs="+", default=["test"], help="splits, ids, PartNet folders (default: test)"
+    )
+    parser.add_argument(
+        "--target", help="a target link, or 'all' for one row each (default: each level draws one)"
+    )
+    parser.add_argument("--episodes", type=int, default=10, help="per object (default: %(default)s)")
+    parser.add_argument("--first-level", "--seed", type=int, default=0, help="of each object (default: 0)")
+    parser.add_argument("--obs-mode", help="what the policy sees (default: what it asks for, else state)")
+    parser.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="task settings")
+    parser.add_argument("--workers", type=int, help="processes (default: one per core)")
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="write report.json, .csv, .md and more here")
+    parser.add_argument("--video", type=Path, metavar="FILE", help="film episodes: .gif, .webp or .mp4")
+    parser.add_argument("--video-episodes", type=int, default=3, help="how many objects to film (default: 3)")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Check everything, evaluate, write, film, and show the table."""
+    from artiskill.cli.parser import overrides_of
+    from artiskill.cli.progress import Progress
+    from artiskill.cli.table import print_report
+    from artiskill.evaluation.evaluate import check_workers, run_plan
+    from artiskill.evaluation.parallel import available_cores
+    from artiskill.evaluation.plan import make_plan
+    from artiskill.evaluation.recording import check_video
+    from artiskill.evaluation.report_files import check_folder
+
+    if arguments.video is not None:
+        check_video(arguments.video, arguments.video_episodes)
+    if arguments.out is not None:
+        check_folder(arguments.out)
+    plan = make_plan(
+        task=arguments.task,
+        policy=arguments.policy,
+        objects=arguments.objects,
+        episodes=arguments.episodes,
+        first_level=arguments.first_level,
+        target=arguments.target,
+        obs_mode=arguments.obs_mode,
+        config=overrides_of(arguments.set),
+    )
+    workers = available_cores() if arguments.workers is None else arguments.workers
+    check_workers(plan, workers)
+    with Progress(f"{plan.task.name}, {plan.policy_name}", plan.num_episodes, "episodes") as progress:
+        report = run_plan(plan, workers, lambda result: progress.advance(result.success))
+    print_report(report)
+    _write(arguments, plan, report, workers)
+
+
+def _write(arguments: argparse.Namespace, plan: "Plan", report: "Report", workers: int) -> None:
+    from artiskill.cli.progress import Progress
+    from artiskill.evaluation.recording import record_video
+    from artiskill.evaluation.report_files import write_report
+
+    if arguments.out is not None:
+        print(f"report: {write_report(report, arguments.out)}/report.md")
+    if arguments.video is not None:
+        count = min(arguments.video_episodes, len(plan.batches))
+        with Progress("filming", count, "episodes") as progress:
+            record_video(
+                plan, arguments.video, count, workers, lambda news: progress.advance() if news.done else None
+            )
+        print(f"video: {arguments.video}")

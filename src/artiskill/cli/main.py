@@ -1,0 +1,61 @@
+"""`artiskill`: finds the command, runs it, and turns errors into one line and an exit status."""
+
+import os
+import sys
+from collections.abc import Sequence
+
+from artiskill import __version__
+from artiskill.cli import config, evaluate, objects, tasks, version
+from artiskill.cli.parser import Parser
+from artiskill.errors import ArtiSkillError
+
+COMMANDS = (evaluate, objects, tasks, config, version)
+EXIT_OK, EXIT_ERROR, EXIT_INTERRUPTED, EXIT_BROKEN_PIPE = 0, 2, 130, 141
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command line.
+
+    Args:
+        argv: without the program's name; by default the process's own.
+
+    Returns:
+        0; 2 after an error that was explained in one line; 130 after Ctrl-C; 141 if the reader of the output left.
+    """
+    argv = list(sys.argv[1:] if argv is None else argv)
+    debug = "--debug" in argv
+    try:
+        arguments = make_parser().parse_strictly(argv)
+        arguments.run(arguments)
+        sys.stdout.flush()
+    except ArtiSkillError as error:
+        if debug:
+            raise
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_ERROR
+    except KeyboardInterrupt:
+        if debug:
+            raise
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:  # `artiskill objects | head -1`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains while it ends
+        return EXIT_BROKEN_PIPE
+    return EXIT_OK
+
+
+def make_parser() -> Parser:
+    """The parser of all commands."""
+    parser = Parser(prog="artiskill", description="Does a manipulation policy generalise to objects never seen?")
+    parser.add_argument("--version", action="version", version=f"artiskill {__version__}")
+    parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    for command in COMMANDS:
+        command.add_command(commands)
+    for child in commands.choices.values():
+        child.set_defaults(parser=child)
+        child.add_argument("--debug", action="store_true", help="show the traceback of an error")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,71 @@
+"""How far the work has come: a bar on a terminal, a few plain lines anywhere else."""
+
+import sys
+import time
+from types import TracebackType
+from typing import Self
+
+_LINES = 10  # on the way, if not on a terminal
+
+
+class Progress:
+    """Counts what is done, on standard error.
+
+    Args:
+        title: what is being done.
+        total: how many units there are.
+        unit: what they are called.
+    """
+
+    def __init__(self, title: str, total: int, unit: str) -> None:
+        from rich import progress as rich_progress
+        from rich.console import Console
+
+        self._title, self._total, self._unit = title, total, unit
+        self._done = self._successes = self._counted = 0
+        self._start = time.perf_counter()
+        self._bar: rich_progress.Progress | None = None
+        if sys.stderr.isatty():
+            self._bar = rich_progress.Progress(
+                rich_progress.TextColumn("{task.description}"),
+                rich_progress.BarColumn(),
+                rich_progress.MofNCompleteColumn(),
+                rich_progress.TextColumn("{task.fields[note]}"),
+                rich_progress.TimeRemainingColumn(),
+                console=Console(stderr=True),
+                transient=True,
+            )
+            self._task = self._bar.add_task(title, total=total, note="")
+
+    def __enter__(self) -> Self:
+        """Show the bar."""
+        if self._bar is not None:
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Take the bar away."""
+        if self._bar is not None:
+            self._bar.stop()
+
+    def advance(self, success: bool | None = None) -> None:
+        """One more unit; it may count as solved or not."""
+        self._done += 1
+        if success is not None:
+            self._counted += 1
+            self._successes += success
+        if self._bar is not None:
+            self._bar.update(self._task, advance=1, note=self._note())
+        elif self._done * _LINES // self._total > (self._done - 1) * _LINES // self._total:
+            left_s = (self._total - self._done) / self._rate()
+            line = f"{self._title}: {self._done}/{self._total} {self._unit}, {self._note()}, {left_s:.0f} s left"
+            print(line, file=sys.stderr, flush=True)
+
+    def _note(self) -> str:
+        solved = f"{self._successes / self._counted:.0%} solved, " if self._counted else ""
+        return f"{solved}{self._rate():.1f}/s"
+
+    def _rate(self) -> float:
+        return self._done / max(time.perf_counter() - self._start, 1e-9)
