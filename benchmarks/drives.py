@@ -275,10 +275,16 @@ FINGERS = {
     "PID, targets -100 .. 100 m": replace(REFERENCE, finger_reach_m=100.0),
 }
 BAR_M = 0.012
+# name -> shape and mass. Slip goes down with what hangs on the bar; 3 kg is a drawer, 0.1 kg a bar alone
+BARS = {
+    "square bar, 3 kg": ("square", 3.0),
+    "round bar, 3 kg": ("round", 3.0),
+    "square bar, 0.1 kg": ("square", 0.1),
+}
 PULL_N = 30.0
 
 
-def bar_scene(config: RobotConfig, shape: str) -> Any:
+def bar_scene(config: RobotConfig, shape: str, mass_kg: float) -> Any:
     """A scene of the robot with a bar between its pads, which slides along the hand's z axis."""
     model = robot_model(config, OURS)
     data = mujoco.MjData(model)
@@ -288,28 +294,30 @@ def bar_scene(config: RobotConfig, shape: str) -> Any:
     quaternion = quat_from_matrix(data.site_xmat[site].reshape(3, 3))
     half, identity, none = BAR_M / 2, np.array((1.0, 0, 0, 0)), np.zeros((0, 3))
     if shape == "round":
+        volume_m3 = math.pi * half**2 * 0.12
         across = quat_from_axis_angle((0, 1, 0), math.pi / 2)
         collision = CollisionShape("cylinder", (half, 0.06), np.zeros(3), across)
     else:
+        volume_m3 = BAR_M**2 * 0.12
         collision = CollisionShape("box", (0.06, half, half), np.zeros(3), identity)
     joint = Joint("pull", "prismatic", np.array((0, 0, 1.0)), np.zeros(3), (-1.0, 1.0))
     root = Link("base", -1, data.site_xpos[site].copy(), quaternion, None, (), (), 500.0, none)
-    bar = Link("link_0", 0, np.zeros(3), identity, joint, (), (collision,), 7850.0, none)
+    bar = Link("link_0", 0, np.zeros(3), identity, joint, (), (collision,), mass_kg / volume_m3, none)
     obj = ArticulatedObject("bar", "cabinet", (root, bar), (), np.array([[-1, -1, 0], [1, 1, 2.0]]))
     return build_scene(config, obj, PhysicsConfig())
 
 
-def grip(config: RobotConfig, variant: Variant, shape: str | None) -> dict[str, float]:
+def grip(config: RobotConfig, variant: Variant, bar: tuple[str, float] | None) -> dict[str, float]:
     """Close the fingers from 40 mm for 2 s, then pull the bar with 30 N for 2 s; the rest of the robot is held.
 
     Returns:
-        closing_s: until the bar is touched, or until 90 % of the stroke is done without a bar (`shape` None).
+        closing_s: until the bar is touched, or until 90 % of the stroke is done without a bar (None).
         force_n: of one finger on the bar before the pull; slip_mm: of the bar in the hand during the pull.
     """
-    scene = bar_scene(config, shape or "square")
+    scene = bar_scene(config, *(bar or ("square", 1.0)))
     model, index = scene.model, scene.index
     data = mujoco.MjData(model)
-    if shape is None:
+    if bar is None:
         model.geom_contype[:] = model.geom_conaffinity[:] = 0
     model.dof_damping[:11] = 1e9  # held: what moves is the fingers' doing alone
     model.opt.gravity[:] = 0
@@ -330,7 +338,7 @@ def grip(config: RobotConfig, variant: Variant, shape: str | None) -> dict[str, 
             data.qfrc_applied[pull] = PULL_N
         for _ in range(5):
             mujoco.mj_step(model, data)
-            touched = data.ncon > 0 if shape else data.qpos[11] < 0.004
+            touched = data.ncon > 0 if bar else data.qpos[11] < 0.004
             closing_s = data.time if math.isnan(closing_s) and touched else closing_s
     slip_mm = 1e3 * (float(data.qpos[pull]) - before)
     return {"closing_s": closing_s, "force_n": force_n, "slip_mm": slip_mm}
@@ -371,11 +379,7 @@ def measure(config: RobotConfig, seconds: float) -> dict[str, Any]:
             who: float(np.abs(m.qvel).max()) for who, m in (("reference", reference), ("ours", ours))
         }
     gripping = {
-        name: {
-            "free": grip(config, variant, None),
-            "square bar": grip(config, variant, "square"),
-            "round bar": grip(config, variant, "round"),
-        }
+        name: {"free": grip(config, variant, None), **{k: grip(config, variant, bar) for k, bar in BARS.items()}}
         for name, variant in FINGERS.items()
     }
     return {"motions": compared, "gripping": gripping, "low_pass": low_pass_figures()}
@@ -413,18 +417,24 @@ def print_report(figures: dict[str, Any]) -> None:
         _print_row(name, [errors[who][g] for who in ("reference", "ours") for g in GROUPS])
     print()
     _print_row(
-        "fingers", ["close free s", "to square s", "force N", "slip mm", "to round s", "force N", "slip mm"]
+        "fingers",
+        [
+            "close free s",
+            "to bar s",
+            "force N",
+            *(n.replace("square bar", "mm sq.").replace("round bar", "mm round") for n in BARS),
+        ],
     )
     for name, entry in figures["gripping"].items():
-        cells = [entry["free"]["closing_s"]]
-        cells += [entry[s][k] for s in ("square bar", "round bar") for k in ("closing_s", "force_n", "slip_mm")]
-        _print_row(name, cells)
+        bars = [entry[k] for k in BARS]
+        slips = [bar["slip_mm"] for bar in bars]
+        _print_row(name, [entry["free"]["closing_s"], bars[0]["closing_s"], bars[0]["force_n"], *slips])
     print("\n" + "\n".join(f"{k:40}{v:10.4g}" for k, v in figures["low_pass"].items()))
 
 
 def _print_row(label: str, cells: Iterable[float | str]) -> None:
     texts = (cell if isinstance(cell, str) else _short(cell) for cell in cells)
-    print(f"{label:42}" + "".join(f"{text:>13}" for text in texts))
+    print(f"{label:42}" + "".join(f"{text:>15}" for text in texts))
 
 
 def _short(value: float) -> str:

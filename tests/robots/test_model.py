@@ -230,7 +230,7 @@ def test_drives_do_not_push_through_joint_limits(run):
 
 
 def test_fingers_hold_a_bar_against_a_pull():
-    """20 N per finger on 12 mm; 30 N of pull make it creep by less than a millimetre in 2 s (docs/control.md)."""
+    """20 N per finger on a handle of 12 mm, with a drawer of 3 kg: it creeps by under 0.3 mm in 2 s at 30 N."""
     config = load_robot("one_arm")
     probe = Run(compiled(config)[0], config).step(0.0)
     mujoco.mj_forward(probe.model, probe)
@@ -239,7 +239,7 @@ def test_fingers_hold_a_bar_against_a_pull():
     bar = CollisionShape("box", (0.06, 0.006, 0.006), np.zeros(3), still)
     slide = Joint("pull", "prismatic", np.array((0, 0, 1.0)), np.zeros(3), (-1.0, 1.0))
     root = Link("base", -1, tool.xpos.copy(), quat_from_matrix(tool.xmat.reshape(3, 3)), None, (), (), 500.0, none)
-    link = Link("link_0", 0, np.zeros(3), still, slide, (), (bar,), 500.0, none)
+    link = Link("link_0", 0, np.zeros(3), still, slide, (), (bar,), 3.0 / (0.12 * 0.012**2), none)
     scene = build_scene(
         config, ArticulatedObject("bar", "cabinet", (root, link), (), np.zeros((2, 3))), PhysicsConfig()
     )
@@ -252,7 +252,7 @@ def test_fingers_hold_a_bar_against_a_pull():
     data.qfrc_applied[-1] = 30.0
     mujoco.mj_step(model, data, nstep=1000)
     assert grip == pytest.approx(20.0)
-    assert 0 < data.qpos[-1] - before < 1e-3
+    assert 0 < data.qpos[-1] - before < 3e-4
 
 
 # -- what is drawn and what touches ------------------------------------------------------------------------------

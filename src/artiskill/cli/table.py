@@ -22,9 +22,9 @@ def print_report(report: "Report") -> None:
     console.print(report_table(report))
     low, high = report.total.interval
     console.print(
-        f"[bold]{report.task}[/bold], policy {escape(report.policy)}: [bold]{report.success_rate:.1%}[/bold] solved "
-        f"({low:.1%} to {high:.1%} with 95 % confidence), {report.total.episodes} episodes "
-        f"in {report.timing['seconds']:.1f} s",
+        f"[bold]{report.task}[/bold], policy {escape(report.policy)}: "
+        f"[bold]{report.success_rate:.1%}[/bold] solved ({low:.1%} to {high:.1%} with 95 % confidence), "
+        f"{report.total.episodes} episodes in {report.timing['seconds']:.1f} s",
         soft_wrap=True,
     )
 

@@ -12,9 +12,9 @@ from artiskill.sensors.triangle_soup import BodyVisual
 from artiskill.sim.snapshot import Snapshot
 
 _WIDTH, _HEIGHT = 640, 480
-_EYE_W_M = (-1.80, -1.85, 1.30)  # beside the arm, so that robot, hand and handle are all seen
-_TARGET_W_M = (-0.74, 0.22, 0.50)
-_FOV_RAD = math.radians(44)
+_EYE_W_M = (-1.85, -1.80, 1.20)  # beside the arm, so that robot, hand and handle are all seen
+_TARGET_W_M = (-0.78, 0.22, 0.42)
+_FOV_RAD = math.radians(41)
 _FAR_M = 60.0  # the floor runs to the horizon
 
 

@@ -69,18 +69,17 @@ def run_jobs(
         return [function(job, on_news) for job in jobs]
     context = multiprocessing.get_context("spawn")
     news, called_off = context.SimpleQueue(), context.Event()
-    with ProcessPoolExecutor(min(workers, len(jobs)), context, _start_worker, (news, called_off)) as pool:
+    pool = ProcessPoolExecutor(min(workers, len(jobs)), context, _start_worker, (news, called_off))
+    try:
         futures: list[Future[Any]] = [pool.submit(_run_job, function, job) for job in jobs]
-        try:
-            for done in _completed(futures):
-                while not news.empty():
-                    on_news(news.get())
-                _raise_failure(done)
-        except BaseException:  # an error or Ctrl-C: the pool's exit then waits for one episode at most
-            called_off.set()
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+        for done in _completed(futures):
+            while not news.empty():
+                on_news(news.get())
+            _raise_failure(done)
         return [future.result() for future in futures]
+    finally:  # after an error or Ctrl-C this waits for the jobs' next news
+        called_off.set()
+        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _completed(futures: Sequence["Future[Any]"]) -> Iterator[set["Future[Any]"]]:
@@ -120,7 +119,7 @@ def _end_with_parent() -> None:
 
 def _run_job(function: Callable[[Job, Tell], Result], job: Job) -> Result | _Failure | None:
     try:
-        return function(job, _tell)
+        return None if _called_off.is_set() else function(job, _tell)
     except _CalledOffError:
         return None
     except ArtiSkillError as error:

@@ -17,8 +17,6 @@ _PALETTE_FRAMES = 12
 _PALETTE_PIXELS = 40_000
 # colours per channel between which a GIF's colours are looked up: 5 bits, as coarse as the palette itself
 _LOOKUP_BITS = 5
-# an eye does not see a colour of a still background change by less; without this every frame flickers a little
-_STILL_LEVELS = 3
 _CAPTION_SHARE = 0.042  # height of the letters, of the picture's
 _CAPTION_MIN_PX = 11
 
@@ -111,12 +109,11 @@ def _checked(frames: Sequence[np.ndarray]) -> np.ndarray:
 
 def _write_gif(path: Path, frames: np.ndarray, frames_per_second: float) -> None:
     """One palette for all frames, no dithering: still parts stay still, and small."""
-    settled = _settled(frames)
-    palette = _shared_palette(settled)
+    palette = _shared_palette(frames)
     table = _nearest_colours(palette)
     shift = 8 - _LOOKUP_BITS
     images = []
-    for frame in settled:
+    for frame in frames:
         r, g, b = (frame[..., k] >> shift for k in range(3))
         image = Image.fromarray(table[r, g, b])
         image.putpalette(palette.astype(np.uint8).tobytes())
@@ -126,16 +123,6 @@ def _write_gif(path: Path, frames: np.ndarray, frames_per_second: float) -> None
     images[0].save(
         path, format="GIF", save_all=True, append_images=images[1:], duration=durations, loop=0, optimize=False
     )
-
-
-def _settled(frames: np.ndarray) -> np.ndarray:
-    """Frames in which a pixel changes only when it has changed visibly."""
-    settled = np.empty_like(frames)
-    settled[0] = frames[0]
-    for i in range(1, len(frames)):
-        moved = np.abs(frames[i].astype(np.int16) - settled[i - 1]).max(axis=-1, keepdims=True) > _STILL_LEVELS
-        settled[i] = np.where(moved, frames[i], settled[i - 1])
-    return settled
 
 
 def _shared_palette(frames: np.ndarray) -> np.ndarray:

@@ -1,0 +1,165 @@
+"""The command line as a person meets it."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from artiskill import __version__
+from artiskill.cli.main import main
+from artiskill.cli.parser import UsageError, overrides_of
+
+Capture = pytest.CaptureFixture[str]
+SMALL = ["--objects", "cabinet-0005", "--episodes", "1", "--workers", "1"]
+COMMAND = [sys.executable, "-m", "artiskill.cli.main"]
+# What `--help` has no time for.
+HEAVY = ("scipy", "numba", "rich", "PIL", "torch", "artiskill.envs.manipulation", "artiskill.evaluation.evaluate")
+
+
+def test_evaluate_writes_shows_and_films(tmp_path: Path, capsys: Capture) -> None:
+    out, film = tmp_path / "out", tmp_path / "films" / "film.gif"
+    films = ["--video", str(film), "--set", "episode_steps=6"]
+    assert main(["evaluate", "--policy", "random", *SMALL, "--out", str(out), *films]) == 0
+    shown = capsys.readouterr()
+    assert re.search(r"cabinet-0005 +any +0/1 +0%", shown.out)
+    assert "policy random: 0.0% solved" in shown.out
+    assert "1/1 episodes" in shown.err
+    data = json.loads((out / "report.json").read_text())
+    assert (data["policy"], data["mean_length"], data["config"]["episode_steps"]) == ("random", 6, 6)
+    assert film.stat().st_size > 1000
+
+
+def test_objects(capsys: Capture) -> None:
+    assert main(["objects", "--task", "OpenCabinetDrawer", "--split", "test"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 10
+    assert lines[0].split()[:4] == ["cabinet-0005", "test", "drawers", "link_0"]
+
+
+def test_tasks(capsys: Capture) -> None:
+    assert main(["tasks"]) == 0
+    assert "OpenCabinetDrawer  25 train, 10 test objects" in capsys.readouterr().out
+
+
+def test_config_show(capsys: Capture) -> None:
+    assert main(["config", "show", "OpenCabinetDrawer", "--set", "success.hold_s=0.25", "episode_steps=7"]) == 0
+    shown = capsys.readouterr().out
+    assert "hold_s: 0.25" in shown
+    assert "episode_steps: 7" in shown
+
+
+def test_version(capsys: Capture) -> None:
+    assert main(["version"]) == 0
+    assert f"artiskill {__version__}" in capsys.readouterr().out.splitlines()
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("evalute", "unknown command 'evalute'; did you mean 'evaluate'?"),
+        ("evaluate --episods 3", "unknown option '--episods'; did you mean '--episodes'?"),
+        ("evaluate --episode 3", "did you mean '--episodes'?"),
+        ("evaluate --episodes three", "invalid int value: 'three'"),
+        ("evaluate --episodes 0", "episodes must be a whole number of at least 1"),
+        ("evaluate --task OpenCabinetDrwer", "did you mean 'OpenCabinetDrawer'?"),
+        ("evaluate --objects cabnet-0005", "unknown object 'cabnet-0005'"),
+        ("evaluate --policy exprt", "did you mean 'expert'?"),
+        ("evaluate --policy nowhere/solution.py", "'nowhere/solution.py' does not exist"),
+        ("evaluate --obs-mode stat", "did you mean 'state'?"),
+        ("evaluate --target link_99", "unknown target link 'link_99'"),
+        ("evaluate --set episode_steps", "--set takes key=value"),
+        ("evaluate --set episode_stps=3", "did you mean 'episode_steps'?"),
+        ("evaluate --set episode_steps=[", "not valid YAML"),
+        ("evaluate --video film.avi", "must end in .gif"),
+        ("evaluate --video film.gif --video-episodes 0", "must be at least 1"),
+        ("evaluate --workers 0", "workers must be"),
+        ("evaluate --seed -1", "a level is an integer from 0"),
+        ("evaluate more", "unexpected argument 'more'"),
+        ("config shw OpenCabinetDrawer", "did you mean 'show'?"),
+        ("config show Nothing", "unknown task 'Nothing'"),
+        ("objects --split tst", "did you mean 'test'?"),
+        ("objects --task Nothing", "unknown task 'Nothing'"),
+        ("", "required: COMMAND"),
+    ],
+)
+def test_errors_are_one_line(
+    line: str, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    out = ["--out", "out"] if line.startswith("evaluate") else []
+    assert main([*line.split(), *out]) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.startswith("error: ")
+    assert shown.err.count("\n") == 1
+    assert says in shown.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_failing_solution_leaves_nothing(tmp_path: Path, capsys: Capture) -> None:
+    solution = tmp_path / "solution.py"
+    solution.write_text("def policy(observation):\n    raise ValueError('no idea')\n")
+    assert main(["evaluate", "--policy", str(solution), *SMALL, "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert error == (
+        f"error: {solution}: policy() raised ValueError: no idea (line 2, object cabinet-0005, level 0, step 0)\n"
+    )
+    assert [path.name for path in tmp_path.iterdir()] == ["solution.py"]
+
+
+def test_debug_shows_the_traceback() -> None:
+    with pytest.raises(UsageError):
+        main(["evaluate", "more", "--debug"])
+
+
+def test_overrides_are_read_as_yaml() -> None:
+    assert overrides_of(["a.b=1", "c=[1, x]", "d=", "e=a=b"]) == {"a.b": 1, "c": [1, "x"], "d": None, "e": "a=b"}
+
+
+def test_help_is_light_and_quick() -> None:
+    code = (
+        "import sys, contextlib, artiskill.cli.main as m\n"
+        "with contextlib.suppress(SystemExit): m.main(['evaluate', '--help'])\n"
+        f"print('heavy:', *[name for name in {HEAVY!r} if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert "--video-episodes" in done.stdout
+    assert done.stdout.splitlines()[-1] == "heavy:"
+
+
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_ctrl_c_is_quiet(tmp_path: Path, workers: str) -> None:
+    arguments = ["evaluate", "--policy", "random", "--workers", workers, "--out", str(tmp_path / "out")]
+    process = subprocess.Popen(
+        [*COMMAND, *arguments, "--objects", "all", "--episodes", "100"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,  # so that the signal reaches its workers, as a terminal's would, but not us
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    time.sleep(4)
+    assert process.poll() is None
+    os.killpg(process.pid, signal.SIGINT)
+    start = time.perf_counter()
+    shown, error = process.communicate(timeout=60)
+    assert time.perf_counter() - start < 5  # one episode at most, not all that were planned
+    assert process.returncode == 130
+    assert "Traceback" not in error
+    assert shown == ""
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_reader_that_leaves_is_no_error() -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w") as gone:
+        done = subprocess.run([*COMMAND, "objects"], stdout=gone, stderr=subprocess.PIPE, text=True, timeout=60)
+    assert done.returncode == 141
+    assert done.stderr == ""

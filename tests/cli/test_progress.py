@@ -1,0 +1,35 @@
+import io
+import sys
+
+import pytest
+
+from artiskill.cli.progress import Progress
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_plain_lines_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    with Progress("title", 25, "episodes") as progress:
+        for k in range(25):
+            progress.advance(k % 5 == 0)
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    lines = shown.err.splitlines()
+    assert len(lines) == 10
+    assert lines[-1].startswith("title: 25/25 episodes, 20% solved, ")
+    assert lines[-1].endswith(" 0 s left")
+
+
+def test_a_bar_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "120")
+    with Progress("title", 2, "episodes") as progress:
+        progress.advance(True)
+        progress.advance(False)
+    assert "2/2" in terminal.getvalue()
+    assert "50% solved" in terminal.getvalue()

@@ -1,0 +1,27 @@
+"""The examples run as they are printed."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SMALL = {"03_evaluate_your_policy.py": ("--objects", "cabinet-0005", "--episodes", "1")}
+SAYS = {
+    "01_first_steps.py": ("open link_", "reward "),
+    "02_expert.py": ("reach", "pull", ": solved after"),
+    "03_evaluate_your_policy.py": ("expert: 100% solved", "solution_example.py: 0% solved", "Sway: 0% solved"),
+    "solution_example.py": (),
+}
+
+
+def test_all_examples_are_tried(root: Path) -> None:
+    assert {path.name for path in (root / "examples").glob("*.py")} == SAYS.keys()
+
+
+@pytest.mark.parametrize("name", SAYS)
+def test_example(root: Path, name: str) -> None:
+    command = [sys.executable, "-W", "error", str(root / "examples" / name), *SMALL.get(name, ())]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert all(part in done.stdout for part in SAYS[name]), done.stdout

@@ -1,0 +1,86 @@
+import csv
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import yaml
+
+from artiskill.errors import ConfigError
+from artiskill.evaluation.evaluate import evaluate
+from artiskill.evaluation.report import Report
+from artiskill.evaluation.report_files import REPORT_FILES, check_folder, write_report
+
+
+@pytest.fixture(scope="module")
+def report() -> Report:
+    return evaluate(
+        "OpenCabinetDrawer", "random", ["cabinet-0005", "cabinet-0010"], 2, config={"episode_steps": 5}
+    )
+
+
+def read_csv(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_files_agree(report: Report, tmp_path: Path) -> None:
+    folder = write_report(report, tmp_path / "new" / "folder")
+    assert sorted(p.name for p in folder.iterdir()) == sorted(REPORT_FILES)
+    data = json.loads((folder / "report.json").read_text())
+    assert data == report.to_mapping() | {"levels": [0, 1], "interval": list(report.total.interval)}
+    assert yaml.safe_load((folder / "config.yaml").read_text()) == data["config"]
+    assert data["config"]["episode_steps"] == 5
+    rows = read_csv(folder / "report.csv")
+    assert [row["object"] for row in rows] == ["cabinet-0005", "cabinet-0010"]
+    for row, entry in zip(rows, data["objects"], strict=True):
+        assert [float(row["interval_low"]), float(row["interval_high"])] == entry["interval"]
+        assert float(row["mean_length"]) == entry["mean_length"] == 5.0
+        assert float(row["cabinet_static"]) == entry["flags"]["cabinet_static"]
+    episodes = read_csv(folder / "episodes.csv")
+    assert [(e["object"], e["level"]) for e in episodes] == [(r["object"], k) for r in rows for k in "01"]
+    assert episodes[0]["target"] == report.episodes[0].target
+    text = (folder / "report.md").read_text()
+    assert "| cabinet-0005 | any | 0/2 | 0.0% |" in text
+    assert "| **all** |  | 0/4 | 0.0% |" in text
+
+
+def test_same_report_same_bytes(report: Report, tmp_path: Path) -> None:
+    again = evaluate(
+        "OpenCabinetDrawer", "random", ["cabinet-0005", "cabinet-0010"], 2, config={"episode_steps": 5}
+    )
+    first, second = write_report(report, tmp_path / "a"), write_report(again, tmp_path / "b")
+    for name in set(REPORT_FILES) - {"report.json"}:  # only that one holds the timing
+        assert (first / name).read_bytes() == (second / name).read_bytes()
+
+
+def test_an_earlier_report_is_replaced_and_nothing_else(report: Report, tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    write_report(report, tmp_path)
+    write_report(replace(report, policy="other"), tmp_path)
+    assert json.loads((tmp_path / "report.json").read_text())["policy"] == "other"
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([*REPORT_FILES, "notes.txt"])
+
+
+def test_a_failure_leaves_the_earlier_report(
+    report: Report, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_report(report, tmp_path)
+
+    def full(self: Path, *args: object, **kwargs: object) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(ConfigError, match="No space left"):
+        write_report(replace(report, policy="other"), tmp_path)
+    assert json.loads((tmp_path / "report.json").read_text())["policy"] == "random"
+    assert sorted(os.listdir(tmp_path)) == sorted(REPORT_FILES)
+
+
+def test_folders_that_cannot_be(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ConfigError, match="is not a folder"):
+        check_folder(tmp_path / "file" / "below")
+    check_folder(tmp_path / "new" / "below")
+    assert not (tmp_path / "new").exists()
