@@ -1,7 +1,9 @@
-"""Environment steps per second of one environment, against a bare loop of the engine, in one run.
+"""Steps and resets per second of one environment, against a bare loop of the engine, in one run.
 
-Both loops take the same actions on the same object from the same state; rounds alternate, so that a machine whose
-speed drifts treats both alike. `python benchmarks/environment.py --help` lists the options.
+Both loops start from the same states on the same model and apply the same controls; rounds alternate, so that a
+machine whose speed drifts treats both alike. The environment's loop includes everything: checking and scaling
+actions, snapshot, flags, dense reward with all terms, observation, info, and a reset every 200 steps.
+`python benchmarks/environment.py --help` lists the options.
 """
 
 import argparse
@@ -9,6 +11,7 @@ import json
 import os
 import statistics
 import time
+from pathlib import Path
 
 import gymnasium as gym
 import mujoco
@@ -16,68 +19,111 @@ import numpy as np
 
 import artiskill
 from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.experts.open_cabinet import OpenCabinetExpert
+
+EPISODE = 200
+
+
+def recorded_actions(env: ManipulationEnv, source: str, steps: int) -> np.ndarray:
+    """Actions for `steps` steps of levels 0, 1, ...: random, or the expert's, which spends its time in contact."""
+    if source == "random":
+        return np.random.default_rng(0).uniform(-1, 1, (steps, *env.action_space.shape)).astype(np.float32)
+    expert, actions = OpenCabinetExpert(env.task.robot), []
+    for i in range(steps):
+        if i % EPISODE == 0:
+            env.reset(seed=i // EPISODE)
+            expert.reset(env.snapshot, env.goal)
+        actions.append(expert.act(env.snapshot, env.goal).astype(np.float32))
+        env.step(actions[-1])
+    return np.array(actions)
 
 
 def environment_rate(env: gym.Env, actions: np.ndarray) -> float:
-    """Environment steps per second, everything included; resets (one per 200 steps) too."""
+    """Environment steps per second, through `gym.make`'s wrappers as a user would."""
     start = time.perf_counter()
     for i, action in enumerate(actions):
-        if i % 200 == 0:
-            env.reset(seed=i // 200)
+        if i % EPISODE == 0:
+            env.reset(seed=i // EPISODE)
         env.step(action)
     return len(actions) / (time.perf_counter() - start)
 
 
 def engine_rate(env: ManipulationEnv, actions: np.ndarray) -> float:
-    """The same with nothing but `mj_step`, 25 per action, called one by one."""
-    simulation = env._simulation
-    model, data = simulation.scene.model, mujoco.MjData(simulation.scene.model)
-    joints = simulation.scene.index.object_joints
-    substeps = env.task.physics.physics_steps_per_step
-    starts = []
-    for episode in range(0, len(actions), 200):
-        env.reset(seed=episode // 200)
-        starts.append((env.snapshot, simulation._models[0]))
+    """The same with nothing but `mj_step`, 25 per action, on an episode's own model (joint parameters included)."""
     targets = env._scale.to_targets(actions.astype(float))
-    start = time.perf_counter()
-    for i, target in enumerate(targets):
-        if i % 200 == 0:
-            snapshot, parameters = starts[i // 200]
-            mujoco.mj_resetData(model, data)
-            data.qpos[:] = np.concatenate((snapshot.robot_qpos[0], snapshot.object_qpos[0]))
-            model.dof_damping[joints] = parameters.dof_damping[joints]
-            model.dof_frictionloss[joints] = parameters.dof_frictionloss[joints]
-        data.ctrl[:] = target
-        for _ in range(substeps):
-            mujoco.mj_step(model, data)
-    return len(actions) / (time.perf_counter() - start)
+    spent = 0.0
+    for first in range(0, len(actions), EPISODE):
+        env.reset(seed=first // EPISODE)
+        model = env._simulation._models[0]
+        data = mujoco.MjData(model)
+        data.qpos[:] = np.concatenate((env.snapshot.robot_qpos[0], env.snapshot.object_qpos[0]))
+        substeps = range(env.task.physics.physics_steps_per_step)
+        start = time.perf_counter()
+        for target in targets[first : first + EPISODE]:
+            data.ctrl[:] = target
+            for _ in substeps:
+                mujoco.mj_step(model, data)
+        spent += time.perf_counter() - start
+    return len(actions) / spent
+
+
+def measure_steps(object_id: str, source: str, steps: int, rounds: int) -> dict[str, float | str]:
+    env = gym.make("ArtiSkill/OpenCabinetDrawer-v0", objects=object_id)
+    actions = recorded_actions(env.unwrapped, source, steps)
+    pairs = [(environment_rate(env, actions), engine_rate(env.unwrapped, actions)) for _ in range(rounds)]
+    return {
+        "object": object_id,
+        "actions": source,
+        "steps_per_s": statistics.median(rate for rate, _ in pairs),
+        "engine_steps_per_s": statistics.median(ceiling for _, ceiling in pairs),
+        "ratio": statistics.median(rate / ceiling for rate, ceiling in pairs),
+    }
+
+
+def measure_resets(objects: list[str]) -> dict[str, float]:
+    """Milliseconds to reset to another object, for the first time in the process and again."""
+    env = gym.make("ArtiSkill/OpenCabinetDrawer-v0", objects=objects)
+    times: dict[str, list[float]] = {"first": [], "again": []}
+    for visit in times:
+        for object_id in objects:
+            start = time.perf_counter()
+            env.reset(options={"level": 0, "object": object_id})
+            times[visit].append(1e3 * (time.perf_counter() - start))
+    return {
+        f"{visit}_{name}_ms": f(ms)
+        for visit, ms in times.items()
+        for name, f in (("median", statistics.median), ("max", max))
+    }
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--objects", nargs="+", default=["cabinet-0001", "cabinet-0026"])
-    parser.add_argument("--steps", type=int, default=1000)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--objects", nargs="+", help="ids; by default six of the test split")
+    parser.add_argument("--steps", type=int, default=600)
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--actions", choices=("random", "expert"), default="random")
-    parser.add_argument("--json", help="also write the figures to this file")
+    parser.add_argument("--actions", choices=("random", "expert"), nargs="+", default=["random", "expert"])
+    parser.add_argument("--json", type=Path, help="also write the figures to this file")
     arguments = parser.parse_args()
-    rng = np.random.default_rng(0)
+    catalogue = artiskill.list_objects(split="test", task="OpenCabinetDrawer")
+    resets = measure_resets(catalogue)
+    print("reset to another object: " + ", ".join(f"{name} {value:.1f}" for name, value in resets.items()))
     rows = []
-    for name in arguments.objects:
-        env = gym.make("ArtiSkill/OpenCabinetDrawer-v0", objects=name)
-        env.reset(seed=0)
-        actions = rng.uniform(-1, 1, (arguments.steps, *env.action_space.shape)).astype(np.float32)
-        rates, ceilings = [], []
-        for _ in range(arguments.rounds):
-            rates.append(environment_rate(env, actions))
-            ceilings.append(engine_rate(env.unwrapped, actions))
-        ratio = statistics.median(r / c for r, c in zip(rates, ceilings, strict=True))
-        rows.append({"object": name, "steps_per_s": statistics.median(rates), "engine_steps_per_s": statistics.median(ceilings), "ratio": ratio})
-        print(f"{name}: {rows[-1]['steps_per_s']:7.0f} steps/s, bare engine {rows[-1]['engine_steps_per_s']:7.0f}, ratio {ratio:.2f}")
-    print(f"artiskill {artiskill.__version__}, mujoco {mujoco.__version__}, {os.cpu_count()} cores")
+    for source in arguments.actions:
+        for object_id in arguments.objects or catalogue[:6]:
+            row = measure_steps(object_id, source, arguments.steps, arguments.rounds)
+            rows.append(row)
+            rate, ceiling, ratio = row["steps_per_s"], row["engine_steps_per_s"], row["ratio"]
+            print(
+                f"{object_id} {source:7} {rate:6.0f} steps/s, bare engine {ceiling:6.0f}, ratio {ratio:.2f}",
+                flush=True,
+            )
+        ratios, rates = ([r[key] for r in rows if r["actions"] == source] for key in ("ratio", "steps_per_s"))
+        print(
+            f"median       {source:7} {statistics.median(rates):6.0f} steps/s, ratio {statistics.median(ratios):.2f}"
+        )
+    print(f"artiskill {artiskill.__version__}, mujoco {mujoco.__version__}, {os.cpu_count()} cores, one used")
     if arguments.json:
-        with open(arguments.json, "w", encoding="utf-8") as file:
-            json.dump(rows, file, indent=2)
+        arguments.json.write_text(json.dumps({"resets": resets, "steps": rows}, indent=2), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,5 +1,7 @@
 """Messages say what was given, what is legal and what is nearest; built-in `except` clauses keep working."""
 
+import pickle
+
 import pytest
 
 from artiskill import errors
@@ -58,3 +60,17 @@ def test_missing_extra_says_how_to_get_it() -> None:
     assert str(errors.MissingExtraError("Importing PartNet-Mobility", "import")) == (
         "Importing PartNet-Mobility needs an optional dependency: pip install 'artiskill[import]'"
     )
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        errors.UnknownNameError("object", "a", ["b"]),
+        errors.MissingExtraError("MP4", "video"),
+        errors.ConfigError("no"),
+    ],
+)
+def test_errors_travel_between_processes(error: errors.ArtiSkillError) -> None:
+    received = pickle.loads(pickle.dumps(error))
+    assert type(received) is type(error)
+    assert str(received) == str(error)

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import dacite
 import yaml
 
-from artiskill.errors import ConfigError
+from artiskill.errors import ArtiSkillError, ConfigError
 
 CONFIG_DIR = Path(__file__).parent / "configs"
 
@@ -61,7 +61,7 @@ def from_mapping(cls: type[T], data: Mapping[str, Any], source: str = "config") 
         raise ConfigError(f"{source}: {error.field_path!r} must be {wanted}, not {error.value!r}") from error
     except dacite.DaciteError as error:
         raise ConfigError(f"{source}: {error}") from error
-    except ConfigError as error:
+    except ArtiSkillError as error:
         raise ConfigError(f"{source}: {error}") from error
     except (TypeError, ValueError) as error:
         raise ConfigError(f"{source}: a value has the wrong type: {error}") from error

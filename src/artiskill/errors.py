@@ -5,11 +5,15 @@ derives from the built-in exception that a caller would expect, so `except Value
 """
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 
 class ArtiSkillError(Exception):
-    """Root of all errors that ArtiSkill raises on purpose."""
+    """Root of all errors that ArtiSkill raises on purpose; they travel between processes."""
+
+    def __reduce__(self) -> tuple[Callable[..., "ArtiSkillError"], tuple[type["ArtiSkillError"], str]]:
+        # by message: the constructors of some take other arguments
+        return _with_message, (type(self), str(self))
 
 
 class UnknownNameError(ArtiSkillError, ValueError):
@@ -62,3 +66,9 @@ def _shorten(names: list[str], most: int = 12) -> str:
     if len(names) <= most:
         return ", ".join(names) or "(none)"
     return ", ".join(names[:most]) + f", ... ({len(names)} in all)"
+
+
+def _with_message(cls: type[ArtiSkillError], message: str) -> ArtiSkillError:
+    error = cls.__new__(cls)
+    Exception.__init__(error, message)
+    return error

@@ -10,11 +10,12 @@ from artiskill.evaluation.video import caption, write_video
 
 @pytest.fixture
 def frames(rng):
-    """A red square that moves over a grey gradient with a little noise; odd sides on purpose."""
+    """A red square that moves over a grainy grey gradient, still as a rendered one is; odd sides on purpose."""
     backdrop = np.repeat(np.linspace(60, 200, 61)[None, :, None], 45, axis=0).repeat(3, axis=2)
+    backdrop = backdrop + rng.integers(-1, 2, backdrop.shape)
     result = []
     for i in range(6):
-        frame = backdrop + rng.integers(-1, 2, backdrop.shape)
+        frame = backdrop.copy()
         frame[10:20, 5 + 6 * i : 15 + 6 * i] = (220, 30, 30)
         result.append(frame.astype(np.uint8))
     return result

@@ -131,7 +131,7 @@ def test_arm_follows_its_collision_shapes(index):
     link = arm().links[index]
     points = vertices(link.name)
     outside = np.min([outside_m(shape, points) for shape in link.collisions], axis=0)
-    assert outside.max() < 0.065
+    assert outside.max() < 0.017
     assert np.median(outside) < 0.03
 
 

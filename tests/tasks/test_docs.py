@@ -21,7 +21,10 @@ def field_rows() -> list[str]:
 
 def term_rows() -> list[str]:
     config = make_task("OpenCabinetDrawer").config.reward
-    rows = ["| Term | Weight | start | width | low | high | Asked in | Elsewhere |", "|---|---|---|---|---|---|---|---|"]
+    rows = [
+        "| Term | Weight | start | width | low | high | Asked in | Elsewhere |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
     for number, (name, term) in enumerate(TERMS.items()):
         elsewhere = ", ".join(
             f"{config.elsewhere[stage, number]:g} in {stage}" for stage in range(4) if stage not in term.asked_in

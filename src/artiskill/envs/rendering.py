@@ -13,8 +13,8 @@ from artiskill.sim.snapshot import Snapshot
 
 _WIDTH, _HEIGHT = 640, 480
 _EYE_W_M = (-1.85, -1.80, 1.20)  # beside the arm, so that robot, hand and handle are all seen
-_TARGET_W_M = (-0.78, 0.22, 0.42)
-_FOV_RAD = math.radians(41)
+_TARGET_W_M = (-0.80, 0.24, 0.42)
+_FOV_RAD = math.radians(45)
 _FAR_M = 60.0  # the floor runs to the horizon
 
 

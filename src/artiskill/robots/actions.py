@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from artiskill.errors import ActionError
+from artiskill.geometry.arrays import clamp
 from artiskill.robots.config import RobotConfig, load_arm
 
 
@@ -24,11 +25,11 @@ class ActionScale:
 
     def to_targets(self, actions: np.ndarray) -> np.ndarray:
         """Drive targets of actions, which are clipped to [-1, 1]. (..., R) -> (..., R)."""
-        return self.center + self.half_range * np.clip(actions, -1.0, 1.0)
+        return self.center + self.half_range * clamp(actions, -1.0, 1.0)
 
     def to_actions(self, targets: np.ndarray) -> np.ndarray:
         """Actions of drive targets, clipped to [-1, 1]. (..., R) -> (..., R)."""
-        return np.clip((targets - self.center) / self.half_range, -1.0, 1.0)
+        return clamp((targets - self.center) / self.half_range, -1.0, 1.0)
 
 
 def action_scale(config: RobotConfig) -> ActionScale:

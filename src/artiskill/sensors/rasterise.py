@@ -7,7 +7,7 @@ towards the sun of a shadow map. Both are linear over the screen. Geometry is fl
 
 import numpy as np
 
-from artiskill.sensors.kernel import Array, Point, kernel
+from artiskill.geometry.kernel import Array, Point, kernel
 
 NOTHING = -1
 FLOOR = -2

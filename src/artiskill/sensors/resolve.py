@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from artiskill.sensors.kernel import Array, kernel
+from artiskill.geometry.kernel import Array, kernel
 from artiskill.sensors.rasterise import NOTHING
 
 

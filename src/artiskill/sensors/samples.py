@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from artiskill.sensors.kernel import Array, kernel
+from artiskill.geometry.kernel import Array, kernel
 from artiskill.sensors.lighting import encoded
 
 

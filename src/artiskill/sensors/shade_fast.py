@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from artiskill.sensors.kernel import Array, Point, kernel
+from artiskill.geometry.kernel import Array, Point, kernel
 from artiskill.sensors.lighting import (
     Lights,
     Surfaces,

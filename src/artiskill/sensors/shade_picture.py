@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from artiskill.sensors.kernel import Array, kernel
+from artiskill.geometry.kernel import Array, kernel
 from artiskill.sensors.lighting import Lights, Surfaces, View, irradiance, specular, tone_mapped, unit3
 from artiskill.sensors.render_config import RenderConfig
 from artiskill.sensors.samples import Samples, accumulate_pixels, allocate_samples, collect_samples

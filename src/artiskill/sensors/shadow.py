@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from artiskill.sensors.kernel import Array, Point, kernel
+from artiskill.geometry.kernel import Array, Point, kernel
 from artiskill.sensors.lighting import dot3
 from artiskill.sensors.rasterise import project_affine, rasterise
 from artiskill.sensors.triangle_soup import TriangleSoup

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from artiskill.sensors.kernel import Array, Point, kernel
+from artiskill.geometry.kernel import Array, Point, kernel
 from artiskill.sensors.lighting import Surfaces, View, cross3, dot3
 from artiskill.sensors.shade_fast import world_normal
 from artiskill.sensors.texture import bilinear

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from artiskill.sensors.kernel import Array, Point, kernel
+from artiskill.geometry.kernel import Array, Point, kernel
 from artiskill.sensors.lighting import dot3
 from artiskill.sensors.rasterise import FLOOR
 from artiskill.sensors.surface_attributes import view_ray

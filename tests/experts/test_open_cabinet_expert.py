@@ -1,0 +1,108 @@
+"""The expert and its inverse kinematics: it follows twists, keeps limits, and holds what it gripped."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.experts.open_cabinet import OpenCabinetExpert, Phase
+from artiskill.experts.whole_body import WholeBodyConfig, WholeBodyController, _bounded_least_squares
+
+
+@pytest.fixture
+def env() -> ManipulationEnv:
+    env = ManipulationEnv(objects="cabinet-0010")
+    env.reset(seed=0)
+    return env
+
+
+def test_the_hand_follows_a_twist(env: ManipulationEnv) -> None:
+    controller = WholeBodyController(env.task.robot, WholeBodyConfig())
+    before = env.snapshot.tool_position_w[0, 0]
+    twist = np.array((0.1, -0.05, 0.08, 0, 0, 0))
+    for _ in range(20):
+        qvel = controller.joint_velocities(env.snapshot, twist, np.zeros(controller.num_joints))
+        env.step(controller.to_action(env.snapshot, qvel, 0.02))
+    moved = env.snapshot.tool_position_w[0, 0] - before
+    np.testing.assert_allclose(moved, twist[:3] * 1.0, atol=0.02)
+
+
+def test_jacobian_is_the_derivative(env: ManipulationEnv) -> None:
+    """Against finite differences of the engine's own kinematics."""
+    controller = WholeBodyController(env.task.robot, WholeBodyConfig())
+    simulation = env._simulation
+    assert simulation is not None
+    jacobian, h = controller._jacobian(env.snapshot), 1e-6
+    saved = simulation.save()
+    for joint in range(controller.num_joints):
+        ends = []
+        for sign in (1, -1):
+            rows = saved.rows.copy()
+            simulation.restore(dataclasses.replace(saved, rows=rows))
+            simulation._qpos[0, joint] += sign * h
+            simulation._batch.forward()
+            ends.append(simulation.snapshot().tool_position_w[0, 0])
+        np.testing.assert_allclose(jacobian[:3, joint], (ends[0] - ends[1]) / (2 * h), atol=1e-6)
+
+
+def test_least_squares_stays_in_its_box() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        matrix, target = rng.normal(size=(17, 11)), rng.normal(size=17) * 3
+        lower, upper = -rng.uniform(0, 0.5, 11), rng.uniform(0, 0.5, 11)
+        x = _bounded_least_squares(matrix, target, lower, upper)
+        assert (x >= lower - 1e-12).all()
+        assert (x <= upper + 1e-12).all()
+        unbounded = np.linalg.lstsq(matrix, target, rcond=None)[0]
+        wide = _bounded_least_squares(matrix, target, np.full(11, -1e3), np.full(11, 1e3))
+        np.testing.assert_allclose(wide, unbounded, atol=1e-9)
+
+
+def test_it_grips_and_pulls_without_slipping(env: ManipulationEnv) -> None:
+    expert = OpenCabinetExpert(env.task.robot)
+    expert.reset(env.snapshot, env.goal)
+    gripped, phases, done = [], [], False
+    while not done:
+        action = expert.act(env.snapshot, env.goal)
+        assert np.abs(action).max() <= 1
+        phases.append(expert.phase)
+        if expert.phase is Phase.PULL:
+            gripped.append(expert._grasp(env.snapshot, env.goal).position - env.snapshot.tool_position_w[0, 0])
+        _, _, terminated, truncated, info = env.step(action)
+        done = terminated or truncated
+    assert info["success"]
+    order = [p for i, p in enumerate(phases) if i == 0 or p is not phases[i - 1]]
+    assert order == [Phase.APPROACH, Phase.REACH, Phase.GRIP, Phase.PULL, Phase.HOLD]
+    assert np.abs(np.array(gripped) - gripped[0]).max() < 0.005, "the handle stays between the fingers"
+
+
+def test_it_takes_a_lost_grip_again(env: ManipulationEnv) -> None:
+    """Pushed off the handle in mid-pull, it approaches anew and still opens the drawer."""
+    expert = OpenCabinetExpert(env.task.robot)
+    expert.reset(env.snapshot, env.goal)
+    disturbed = 0
+    for _ in range(200):
+        action = expert.act(env.snapshot, env.goal)
+        if expert.phase is Phase.PULL and disturbed < 8:
+            action[11:], action[0] = 1.0, -1.0  # open the hand and back away
+            disturbed += 1
+        _, _, terminated, truncated, info = env.step(action)
+        if terminated or truncated:
+            break
+    assert disturbed == 8
+    assert info["success"]
+
+
+def test_the_same_episode_gives_the_same_actions(env: ManipulationEnv) -> None:
+    def actions() -> np.ndarray:
+        env.reset(seed=3)
+        expert = OpenCabinetExpert(env.task.robot)
+        expert.reset(env.snapshot, env.goal)
+        taken = []
+        for _ in range(30):
+            taken.append(expert.act(env.snapshot, env.goal))
+            env.step(taken[-1])
+        return np.array(taken)
+
+    np.testing.assert_array_equal(actions(), actions())

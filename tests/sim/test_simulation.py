@@ -1,0 +1,111 @@
+"""Stepping many environments: parameters of their own, resets of some, states saved and restored."""
+
+import dataclasses
+
+import mujoco
+import numpy as np
+import pytest
+
+from artiskill.assets.catalog import load_object
+from artiskill.errors import StateError
+from artiskill.scene.scene import Scene, build_scene
+from artiskill.sim.simulation import Simulation
+from artiskill.sim.states import InitialState
+from artiskill.tasks.registry import make_task
+
+TASK = make_task("OpenCabinetDrawer")
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return build_scene(TASK.robot, load_object("cabinet-0001"), TASK.physics)
+
+
+def start(scene: Scene, seed: int, **changes) -> InitialState:
+    state = TASK.sample_initial_state(scene.object, np.random.default_rng(seed))
+    return dataclasses.replace(state, **changes)
+
+
+def test_a_step_is_that_many_engine_steps(scene: Scene) -> None:
+    state, target = start(scene, 0), np.linspace(-0.4, 0.4, 13)
+    simulation = Simulation(scene)
+    simulation.reset([state])
+    simulation.step(target[None])
+    model = simulation._models[0]
+    data = mujoco.MjData(model)
+    data.qpos[:] = np.concatenate((state.robot_qpos, state.object_qpos))
+    data.ctrl[:] = target
+    for _ in range(scene.physics.physics_steps_per_step):
+        mujoco.mj_step(model, data)
+    snapshot = simulation.snapshot()
+    np.testing.assert_array_equal(snapshot.robot_qpos[0], data.qpos[:13])
+    np.testing.assert_array_equal(snapshot.robot_qvel[0], data.qvel[:13])
+    assert snapshot.time_s[0] == pytest.approx(0.05)
+    mujoco.mj_forward(model, data)  # poses in the snapshot are those of the new state
+    np.testing.assert_allclose(snapshot.body_position_w[0], data.xpos, atol=1e-12)
+
+
+def test_every_environment_has_its_own_joint_parameters(scene: Scene) -> None:
+    simulation = Simulation(scene, num_envs=2)
+    joints = len(scene.object.jointed_links)
+    moving = {"object_qpos": np.full(joints, 0.1)}
+    weak, strong = (start(scene, 0, joint_damping=np.full(joints, d), **moving) for d in (5.0, 20.0))
+    simulation.reset([weak, strong])
+    simulation._qvel[:, scene.index.object_joints] = 0.3
+    simulation.step(np.zeros((2, 13)))
+    speed = simulation.snapshot().object_qvel
+    assert (speed[0] > speed[1] + 1e-3).all()
+    assert (scene.model.dof_damping[scene.index.object_joints] == 0).all(), "the scene's model stays as it was"
+
+
+def test_resetting_some_leaves_the_others(scene: Scene) -> None:
+    simulation = Simulation(scene, num_envs=3)
+    simulation.reset([start(scene, i) for i in range(3)])
+    simulation.step(np.full((3, 13), 0.2))
+    before = simulation.snapshot()
+    simulation.reset([start(scene, 7)], env_ids=[1])
+    after = simulation.snapshot()
+    for i in (0, 2):
+        np.testing.assert_array_equal(after.robot_qpos[i], before.robot_qpos[i])
+        np.testing.assert_array_equal(after.previous_link_position_w[i], before.previous_link_position_w[i])
+    np.testing.assert_array_equal(after.robot_qpos[1], start(scene, 7).robot_qpos)
+    assert after.time_s[1] == 0
+
+
+def test_snapshots_are_detached(scene: Scene) -> None:
+    simulation = Simulation(scene)
+    simulation.reset([start(scene, 0)])
+    snapshot = simulation.snapshot()
+    kept = {f.name: np.array(getattr(snapshot, f.name)) for f in dataclasses.fields(snapshot)}
+    simulation.step(np.full((1, 13), 0.3))
+    for name, value in kept.items():
+        np.testing.assert_array_equal(getattr(snapshot, name), value, err_msg=name)
+
+
+def test_the_previous_pose_is_one_step_old(scene: Scene) -> None:
+    joints = len(scene.object.jointed_links)
+    simulation = Simulation(scene)
+    simulation.reset([start(scene, 0, object_qpos=np.full(joints, 0.1))])
+    first = simulation.snapshot()
+    np.testing.assert_array_equal(first.previous_link_position_w, first.link_position_w)
+    simulation._qvel[:, scene.index.object_joints] = 0.5
+    simulation.step(np.zeros((1, 13)))
+    second = simulation.snapshot()
+    np.testing.assert_array_equal(second.previous_link_position_w, first.link_position_w)
+    assert (second.link_speed_m_s[0, list(scene.object.jointed_links)] > 0).all()
+
+
+def test_settling_moves_time_back_to_zero(scene: Scene) -> None:
+    simulation = Simulation(scene)
+    simulation.reset([start(scene, 0, settle_steps=25)])
+    assert simulation.snapshot().time_s[0] == 0
+    np.testing.assert_allclose(simulation.snapshot().robot_qpos[0], start(scene, 0).robot_qpos, atol=1e-6)
+
+
+def test_states_of_other_scenes_are_refused(scene: Scene) -> None:
+    other = Simulation(build_scene(TASK.robot, load_object("cabinet-0014"), TASK.physics))
+    simulation = Simulation(scene)
+    with pytest.raises(StateError, match="cabinet-0014"):
+        simulation.restore(other.save())
+    with pytest.raises(StateError, match="shape"):
+        simulation.restore(Simulation(scene, num_envs=2).save())
