@@ -117,10 +117,9 @@ def main() -> None:
                 f"{object_id} {source:7} {rate:6.0f} steps/s, bare engine {ceiling:6.0f}, ratio {ratio:.2f}",
                 flush=True,
             )
-        ratios, rates = ([r[key] for r in rows if r["actions"] == source] for key in ("ratio", "steps_per_s"))
-        print(
-            f"median       {source:7} {statistics.median(rates):6.0f} steps/s, ratio {statistics.median(ratios):.2f}"
-        )
+        of_source = [row for row in rows if row["actions"] == source]
+        rate, ratio = (statistics.median(row[key] for row in of_source) for key in ("steps_per_s", "ratio"))
+        print(f"median       {source:7} {rate:6.0f} steps/s, ratio {ratio:.2f}", flush=True)
     print(f"artiskill {artiskill.__version__}, mujoco {mujoco.__version__}, {os.cpu_count()} cores, one used")
     if arguments.json:
         arguments.json.write_text(json.dumps({"resets": resets, "steps": rows}, indent=2), encoding="utf-8")

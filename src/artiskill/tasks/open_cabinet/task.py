@@ -12,6 +12,7 @@ from artiskill.robots.config import RobotConfig, load_robot
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.sim.states import InitialState
 from artiskill.tasks.open_cabinet.goal import make_open_goal
+from artiskill.tasks.open_cabinet.proximity import load_kernel
 from artiskill.tasks.open_cabinet.reward import RewardConfig, open_reward_terms
 from artiskill.tasks.open_cabinet.state import observe_cabinet_state, state_fields
 from artiskill.tasks.open_cabinet.success import SuccessConfig, open_flags
@@ -83,6 +84,7 @@ class OpenCabinetConfig:
 def make_open_cabinet(config: OpenCabinetConfig) -> Task:
     """Assemble the task; doors and drawers differ only in `config`."""
     robot = load_robot(config.robot)
+    load_kernel()
     return Task(
         name=config.name,
         config=config,
