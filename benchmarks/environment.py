@@ -49,7 +49,7 @@ def environment_rate(env: gym.Env, actions: np.ndarray) -> float:
 
 
 def engine_rate(env: ManipulationEnv, actions: np.ndarray) -> float:
-    """The same with nothing but `mj_step`, 25 per action, on an episode's own model (joint parameters included)."""
+    """The same with `mj_step` alone, 25 per action, on an episode's own model, joint parameters included."""
     targets = env._scale.to_targets(actions.astype(float))
     spent = 0.0
     for first in range(0, len(actions), EPISODE):
