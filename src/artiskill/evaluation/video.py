@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
+from scipy.spatial import cKDTree
 
 from artiskill.errors import ConfigError, MissingExtraError
 
@@ -15,8 +16,9 @@ from artiskill.errors import ConfigError, MissingExtraError
 _GIF_COLOURS = 255
 _PALETTE_FRAMES = 12
 _PALETTE_PIXELS = 40_000
-# colours per channel between which a GIF's colours are looked up: 5 bits, as coarse as the palette itself
-_LOOKUP_BITS = 5
+# colours per channel between which a GIF's colours are looked up: 6 bits, finer than the palette itself
+_LOOKUP_BITS = 6
+_GRAIN_LEVELS = 6  # of 255
 _CAPTION_SHARE = 0.042  # height of the letters, of the picture's
 _CAPTION_MIN_PX = 11
 
@@ -108,13 +110,15 @@ def _checked(frames: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _write_gif(path: Path, frames: np.ndarray, frames_per_second: float) -> None:
-    """One palette for all frames, no dithering: still parts stay still, and small."""
+    """One palette for all frames and the same grain in each: still parts stay still, and gradients smooth."""
     palette = _shared_palette(frames)
     table = _nearest_colours(palette)
     shift = 8 - _LOOKUP_BITS
     images = []
+    grain = _grain(frames.shape[1], frames.shape[2])
     for frame in frames:
-        r, g, b = (frame[..., k] >> shift for k in range(3))
+        grainy = np.clip(frame + grain, 0, 255).astype(np.uint8)
+        r, g, b = (grainy[..., k] >> shift for k in range(3))
         image = Image.fromarray(table[r, g, b])
         image.putpalette(palette.astype(np.uint8).tobytes())
         images.append(image)
@@ -123,6 +127,14 @@ def _write_gif(path: Path, frames: np.ndarray, frames_per_second: float) -> None
     images[0].save(
         path, format="GIF", save_all=True, append_images=images[1:], duration=durations, loop=0, optimize=False
     )
+
+
+def _grain(height: int, width: int) -> np.ndarray:
+    """(H, W, 1) ordered dither: the 4 x 4 Bayer matrix, a palette's step from least to most."""
+    two = np.array([[0, 2], [3, 1]])
+    four = np.block([[4 * two + two[0, 0], 4 * two + two[0, 1]], [4 * two + two[1, 0], 4 * two + two[1, 1]]])
+    tile = ((four + 0.5) / 16 - 0.5) * _GRAIN_LEVELS
+    return np.tile(tile, (height // 4 + 1, width // 4 + 1))[:height, :width, None].round().astype(np.int16)
 
 
 def _shared_palette(frames: np.ndarray) -> np.ndarray:
@@ -141,11 +153,8 @@ def _nearest_colours(palette: np.ndarray) -> np.ndarray:
     n = 1 << _LOOKUP_BITS
     centres = (np.arange(n) * 256 + 128) // n
     cube = np.stack(np.meshgrid(centres, centres, centres, indexing="ij"), axis=-1).reshape(-1, 3)
-    nearest = np.empty(len(cube), dtype=np.uint8)
-    for part in np.array_split(np.arange(len(cube)), 16):
-        distances = ((cube[part, None, :] - palette[None]) ** 2).sum(axis=-1)
-        nearest[part] = distances.argmin(axis=1)
-    return nearest.reshape(n, n, n)
+    _, nearest = cKDTree(palette).query(cube)
+    return nearest.astype(np.uint8).reshape(n, n, n)
 
 
 def _write_webp(path: Path, frames: np.ndarray, frames_per_second: float) -> None:
