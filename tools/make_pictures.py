@@ -1,4 +1,4 @@
-"""Make the README's moving picture anew: `python tools/make_pictures.py`. It is small: the page should load fast."""
+"""Make the README's moving picture anew: `python tools/make_pictures.py`. It is small: pages should load fast."""
 
 import tempfile
 from pathlib import Path
