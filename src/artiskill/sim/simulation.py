@@ -29,6 +29,7 @@ class Simulation:
         self.scene = scene
         self.num_envs = num_envs
         self._models = [copy.copy(scene.model) for _ in range(num_envs)]
+        # persistent: a step goes on from the stages that brought the fields up to date after the last one
         self._batch = Batch(scene.model, num_envs, num_threads, persistent=True)
         self._batch.set_models(self._models)
         self._bind()

@@ -125,8 +125,3 @@ def hand_angle(snapshot: Snapshot, goal: OpenGoal) -> Array:
     # traces of the relative rotations, (B, G)
     traces = xp.vecdot(xp.reshape(hand, (-1, 1, 9)), goal.grasp_rotations_flat)
     return xp.acos(clamp(0.5 * greatest(traces) - 0.5, -1.0, 1.0)) / xp.pi
-
-
-def _ramp(value: Array, start: float, width: float) -> Array:
-    """0 up to `start`, rising to 1 at `start + width`."""
-    return clamp((value - start) / width, 0.0, 1.0)
