@@ -1,52 +1,149 @@
-"""Milliseconds per rendering on one core: three panoramic cameras by channel and triangle count, and a picture.
+"""Milliseconds per rendering: three cameras of 400 x 160, by channel, stage, triangle count and threads.
 
-Each figure is the best of several rounds. `python benchmarks/sensor.py --cold` measures compilation too, with an
-empty Numba cache of its own.
+Each figure is the best of several rounds. Where MuJoCo's OpenGL renderer works (`pip install mujoco PyOpenGL`, a
+driver, `MUJOCO_GL=egl` or `osmesa`), it draws the same scenes in the same run, in turns with ours.
+`python benchmarks/sensor.py --cold` measures compilation too, with an empty Numba cache of its own.
 """
 
 import argparse
 import json
-import math
 import os
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
-from artiskill.assets.articulated_object import Material, VisualMesh
-from artiskill.geometry.meshes import box, sphere
-from artiskill.sensors.camera import Camera
-from artiskill.sensors.render_config import load_render_config
-from artiskill.sensors.renderer import Renderer
-from artiskill.sensors.triangle_soup import BodyVisual
+sys.path.insert(0, str(Path(__file__).parent))
+from sensor_scenes import BenchmarkScene, ring, robot_and_cabinet
 
-_CHANNEL_SETS = (("rgb", "depth", "position_w", "geom"), ("rgb",), ("depth",), ("position_w",), ("geom",))
-_BODIES = 24
+from artiskill.sensors.camera import Camera
+from artiskill.sensors.camera_batch import CameraBatch
+from artiskill.sensors.lighting import View
+from artiskill.sensors.rasterise import draw_geoms, fill_background
+from artiskill.sensors.render_config import load_render_config
+from artiskill.sensors.render_views import allocate_scratch
+from artiskill.sensors.renderer import Renderer
+from artiskill.sensors.resolve import resolve_depth, resolve_geom, resolve_position
+from artiskill.sensors.shade_fast import shade_fast
+
+_ALL = ("rgb", "depth", "position_w", "geom")
+_CHANNEL_SETS = (_ALL, ("rgb",), ("depth",), ("position_w",), ("geom",))
+_ENVIRONMENTS = 8
 _COLD = "import benchmarks.sensor as s; import json, sys; print(json.dumps(s.first_picture_s()))"
 
 
-def scene(triangles: int) -> tuple[list[BodyVisual], np.ndarray, np.ndarray]:
-    """Balls and boxes in a ring around the robot's place, about so many triangles in all."""
-    # a ball of so many rings per hemisphere has about 8 rings^2 triangles, a block 44
-    rings = max(3, round(math.sqrt(max(0, triangles / _BODIES - 44) / 8)))
-    ball, block = sphere(0.25, 2 * rings, rings), box((0.2, 0.2, 0.4), 0.01)
-    grey = Material("grey", (0.6, 0.6, 0.6, 1.0))
-    visuals, positions = [], []
-    for i in range(_BODIES):
-        angle, reach = 2 * math.pi * i / _BODIES, 1.0 + 0.5 * (i % 3)
-        visuals += [BodyVisual(i, VisualMesh(ball.transformed((0, 0, 0.65)), grey, "ball"))]
-        visuals += [BodyVisual(i, VisualMesh(block, grey, "block"))]
-        positions.append((reach * math.cos(angle), reach * math.sin(angle), 0.4))
-    return visuals, np.array(positions), np.tile((1.0, 0.0, 0.0, 0.0), (_BODIES, 1))
+def best_ms(works: dict[str, Callable[[], object]], rounds: int) -> dict[str, float]:
+    """Shortest of several runs of each, in turns, after one that does not count."""
+    for work in works.values():
+        work()
+    times: dict[str, list[float]] = {name: [] for name in works}
+    for _ in range(rounds):
+        for name, work in works.items():
+            start = time.perf_counter()
+            work()
+            times[name].append(time.perf_counter() - start)
+    return {name: 1e3 * min(spent) for name, spent in times.items()}
 
 
-def panorama() -> list[Camera]:
-    """Three cameras of 400 x 160, 120 degrees apart, 1.5 m high, 45 degrees down."""
-    turns = [2 * math.pi * k / 3 for k in range(3)]
-    return [Camera.look_at((0, 0, 1.5), (math.cos(a), math.sin(a), 0.5), width=400, height=160) for a in turns]
+def report_channels(scene: BenchmarkScene, renderer: Renderer, rounds: int) -> None:
+    """By channel, with memory of its own for each result and with memory used again."""
+    for channels in _CHANNEL_SETS:
+
+        def draw(out: object = None, channels: tuple[str, ...] = channels) -> object:
+            return renderer.render(scene.positions, scene.quaternions, scene.cameras, channels, out)
+
+        out = draw()
+        ms = best_ms({"new": draw, "reused": lambda out=out, draw=draw: draw(out)}, rounds)
+        print(f"  {'+'.join(channels):32s} {ms['new']:6.2f} ms, into given arrays {ms['reused']:6.2f} ms")
+
+
+def report_stages(scene: BenchmarkScene, renderer: Renderer, rounds: int) -> None:
+    """Each stage alone, for all three cameras."""
+    height, width = scene.cameras[0].height, scene.cameras[0].width
+    tables, light, plain = renderer._tables, renderer._lights, renderer._plain_rows(width)
+    poses = renderer._poses(scene.positions[None], scene.quaternions[None])
+    views = [View(c.position_w, c.rotation_w, c.lens()) for c in scene.cameras]
+    scratches = [allocate_scratch(tables, height, width) for _ in views]
+    depth, ids = np.empty((height, width), np.float32), np.empty((height, width), np.int32)
+    xyz, rgb = np.empty((height, width, 3), np.float32), np.empty((height, width, 3), np.uint8)
+    jobs = list(zip(views, scratches, strict=True))
+
+    def clear() -> None:
+        for view, s in jobs:
+            fill_background(*view, True, s.inverse_depth, s.triangle)
+
+    def draw() -> None:
+        for view, s in jobs:
+            fill_background(*view, True, s.inverse_depth, s.triangle)
+            geometry = s.camera, s.projected, s.candidates
+            draw_geoms(
+                tables, poses.positions[0], poses.rotations[0], view, *geometry, s.inverse_depth, s.triangle
+            )
+
+    def shade() -> None:
+        for view, s in jobs:
+            buffers = s.camera, s.inverse_depth, s.triangle
+            shade_fast(tables, poses.rotations[0], view.lens, light, plain, *buffers, s.shade, rgb)
+
+    draw()
+    ms = best_ms(
+        {
+            "poses": lambda: renderer._poses(scene.positions[None], scene.quaternions[None]),
+            "clear and floor": clear,
+            "cull, project, scan": draw,
+            "depth": lambda: [resolve_depth(s.inverse_depth, s.triangle, depth) for s in scratches],
+            "positions": lambda: [resolve_position(s.inverse_depth, s.triangle, v, xyz) for v, s in jobs],
+            "ids": lambda: [resolve_geom(s.triangle, tables.face_geom, ids) for s in scratches],
+            "colours": shade,
+        },
+        rounds,
+    )
+    ms["cull, project, scan"] -= ms["clear and floor"]
+    print("  by stage: " + ", ".join(f"{name} {value:.3f}" for name, value in ms.items()) + " ms")
+
+
+def report_threads(scene: BenchmarkScene, renderer: Renderer, rounds: int) -> None:
+    """Eight environments by one thread and by two."""
+    n = _ENVIRONMENTS
+    positions, quaternions = (np.repeat(a[None], n, axis=0) for a in (scene.positions, scene.quaternions))
+    cameras = CameraBatch(
+        np.repeat(np.array([c.position_w for c in scene.cameras])[None], n, axis=0),
+        np.repeat(np.array([c.rotation_w for c in scene.cameras])[None], n, axis=0),
+        scene.cameras[0].width,
+        scene.cameras[0].height,
+    )
+    out = renderer.render_batch(positions, quaternions, cameras, _ALL)
+
+    def draw(threads: int) -> object:
+        return renderer.render_batch(positions, quaternions, cameras, _ALL, out, threads)
+
+    ms = best_ms({"1": lambda: draw(1), "2": lambda: draw(2)}, rounds)
+    print(f"  {n} environments: 1 thread {ms['1']:.2f} ms, 2 threads {ms['2']:.2f} ms: {ms['1'] / ms['2']:.2f} x")
+
+
+def report_gl(scene: BenchmarkScene, renderer: Renderer, rounds: int) -> None:
+    """Against MuJoCo's OpenGL renderer, if it works here."""
+    try:
+        import sensor_gl
+
+        gl = sensor_gl.GlSensor(scene)
+        name = sensor_gl.driver()
+    except Exception as error:
+        # every backend fails in its own way: no module, no library, no driver, no context
+        print(f"  MuJoCo's OpenGL renderer: not available ({type(error).__name__}: {error})")
+        return
+    poses = scene.positions, scene.quaternions
+    out = renderer.render(*poses, scene.cameras, _ALL)
+    works = {"ours": lambda: renderer.render(*poses, scene.cameras, _ALL, out), "gl": gl.render}
+    ms = best_ms(works, rounds)
+    ratio = ms["gl"] / ms["ours"]
+    print(f"  ours {ms['ours']:.2f} ms, MuJoCo's OpenGL {ms['gl']:.2f} ms ({name}): {ratio:.1f} x")
+    print(f"  pixels that show a mesh: ours {(out.geom >= 0).mean():.4f}, OpenGL's {gl.seen():.4f}")
+    gl.close()
 
 
 def world_view() -> Camera:
@@ -54,22 +151,20 @@ def world_view() -> Camera:
     return Camera.look_at((-3.0, -2.0, 2.0), (0, 0, 0.5), width=480, height=360, far_m=60.0)
 
 
-def best_ms(work: Callable[[], object], rounds: int) -> float:
-    """Shortest of several runs after one that does not count."""
-    work()
-    times = []
-    for _ in range(rounds):
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return 1e3 * min(times)
+def report_picture(scene: BenchmarkScene, rounds: int) -> None:
+    """A picture for people."""
+    picture = Renderer(scene.visuals, load_render_config())
+    poses = scene.positions, scene.quaternions
+    ms = best_ms({"picture": lambda: picture.render(*poses, [world_view()])}, max(3, rounds // 5))
+    print(f"  picture 480 x 360, 2 x 2 samples, shadows, occlusion: {ms['picture']:.1f} ms")
 
 
 def first_picture_s() -> float:
     """Seconds for a process's first picture, compilation included if the cache is empty."""
-    visuals, positions, quaternions = scene(3000)
+    scene = ring(3000)
     start = time.perf_counter()
-    Renderer(visuals, load_render_config()).render(positions, quaternions, [world_view()])
+    picture = Renderer(scene.visuals, load_render_config())
+    picture.render(scene.positions, scene.quaternions, [world_view()], ("rgb", "depth"))
     return time.perf_counter() - start
 
 
@@ -83,27 +178,23 @@ def cold_picture_s() -> float:
     return json.loads(done.stdout)
 
 
-def report(triangles: int, rounds: int) -> None:
-    """Print all figures of one scene."""
-    visuals, positions, quaternions = scene(triangles)
-    fast, cameras = Renderer(visuals, load_render_config("fast")), panorama()
-    count = len(fast.soup.faces)
-    for channels in _CHANNEL_SETS:
-        ms = best_ms(lambda c=channels: fast.render(positions, quaternions, cameras, c), rounds)
-        print(f"{count:7d} triangles, 3 x 400 x 160, {'+'.join(channels)}: {ms:.2f} ms")
-    picture = Renderer(visuals, load_render_config())
-    ms = best_ms(lambda: picture.render(positions, quaternions, [world_view()]), max(3, rounds // 5))
-    print(f"{count:7d} triangles, picture 480 x 360, 2 x 2 samples, shadows, occlusion: {ms:.1f} ms")
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--triangles", type=int, nargs="+", default=[3000, 5000, 130000])
+    parser.add_argument(
+        "--objects", nargs="*", default=["cabinet-0014"], help="cabinets to stand before the robot"
+    )
+    parser.add_argument("--triangles", type=int, nargs="*", default=[1000, 5000, 30000, 130000])
     parser.add_argument("--rounds", type=int, default=30)
     parser.add_argument("--cold", action="store_true", help="measure compilation too")
     options = parser.parse_args()
-    for triangles in options.triangles:
-        report(triangles, options.rounds)
+    for scene in [*map(robot_and_cabinet, options.objects), *map(ring, options.triangles)]:
+        renderer = Renderer(scene.visuals, load_render_config("fast"))
+        print(f"{scene.name}: {len(renderer.soup.faces)} triangles, 3 x 400 x 160")
+        report_channels(scene, renderer, options.rounds)
+        report_stages(scene, renderer, options.rounds)
+        report_threads(scene, renderer, options.rounds)
+        report_gl(scene, renderer, options.rounds)
+        report_picture(scene, options.rounds)
     if options.cold:
         print(f"first picture of a process, nothing compiled yet: {cold_picture_s():.1f} s")
 

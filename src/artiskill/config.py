@@ -6,9 +6,10 @@ holds values only; which keys exist, their types and their meaning stand in the 
 
 import dataclasses
 import difflib
+import math
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -108,6 +109,45 @@ def check(condition: bool, message: str) -> None:
     """Raise `ConfigError(message)` unless `condition` holds: one line for a `__post_init__` check."""
     if not condition:
         raise ConfigError(message)
+
+
+def check_value(config: object, name: str, legal: bool, rule: str) -> None:
+    """Raise `ConfigError` with the field, the rule and the value unless `legal`."""
+    owner = getattr(config, "name", "")
+    check(legal, f"{owner}{': ' if owner else ''}{name} {rule}, not {getattr(config, name)}")
+
+
+def check_vector(config: object, *names: str, size: int = 3) -> None:
+    """Each field holds `size` finite numbers."""
+    for name in names:
+        value = getattr(config, name)
+        check_value(config, name, len(value) == size and all(map(math.isfinite, value)), f"needs {size} numbers")
+
+
+def check_range(config: object, *names: str, lowest: float = -math.inf) -> None:
+    """Each field holds two finite numbers, the second higher, the first at least `lowest`."""
+    for name in names:
+        value = getattr(config, name)
+        legal = len(value) == 2 and -math.inf < value[0] < value[1] < math.inf and value[0] >= lowest
+        least = "" if lowest == -math.inf else f" of at least {lowest:g}"
+        check_value(config, name, legal, f"must be a lower{least} and a higher number")
+
+
+def check_positive(config: object, *names: str) -> None:
+    """Each field is positive and finite."""
+    for name in names:
+        check_value(config, name, 0 < getattr(config, name) < math.inf, "must be positive, and finite")
+
+
+def check_not_negative(config: object, *names: str) -> None:
+    """Each field is zero or positive, and finite."""
+    for name in names:
+        check_value(config, name, 0 <= getattr(config, name) < math.inf, "must not be negative, and finite")
+
+
+def check_inside(what: str, value: float, limits: Sequence[float]) -> None:
+    """The number lies within the limits."""
+    check(limits[0] <= value <= limits[1], f"{what} must lie in {list(limits)}, not {value}")
 
 
 def _fit(kind: Any, value: Any, where: str) -> Any:

@@ -46,6 +46,10 @@ class StateError(ArtiSkillError, ValueError):
     """A saved state that does not belong to the environment it is restored into."""
 
 
+class DivergedError(ArtiSkillError, RuntimeError):
+    """The physics of an environment ran away: its state is no longer meaningful."""
+
+
 class PolicyError(ArtiSkillError, RuntimeError):
     """A policy or solution file that cannot be loaded, raises, or returns no legal action."""
 

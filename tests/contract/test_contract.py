@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.envs.manipulation import OBSERVATION_MODES, ManipulationEnv
 from artiskill.experts.open_cabinet import OpenCabinetExpert, Phase
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.levels import Stream, level_generator
 
 TASK = "OpenCabinetDrawer"
+VISUAL_MODES = tuple(mode for mode in OBSERVATION_MODES if mode != "state")
 
 
 def make_env(object_id: str, **kwargs) -> ManipulationEnv:
@@ -64,8 +65,17 @@ def grip_handle(env: ManipulationEnv, level: int, steps_into_pull: int = 5) -> N
         assert env.save_state().elapsed < 200, "the expert never gripped the handle"
 
 
-def test_gymnasium_checker_is_silent(object_id: str) -> None:
-    env = gym.make(f"ArtiSkill/{TASK}-v0", objects=object_id, render_mode="rgb_array")
+def pixels_digest(observation: dict) -> str:
+    """Over every number of a visual observation."""
+    digest = hashlib.sha256(observation["agent"].tobytes())
+    for part in (observation.get("rgbd") or observation["pointcloud"]).values():
+        digest.update(part.tobytes())
+    return digest.hexdigest()
+
+
+@pytest.mark.parametrize("obs_mode", OBSERVATION_MODES)
+def test_gymnasium_checker_is_silent(object_id: str, obs_mode: str) -> None:
+    env = gym.make(f"ArtiSkill/{TASK}-v0", objects=object_id, obs_mode=obs_mode, render_mode="rgb_array")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(env.unwrapped, skip_render_check=False)
@@ -109,6 +119,61 @@ def test_two_processes_agree_on_every_bit(object_id: str) -> None:
     env = make_env(object_id)
     rollout(env, 11, random_actions(60))
     assert digest(env) == other
+
+
+@pytest.mark.parametrize("obs_mode", VISUAL_MODES)
+def test_same_level_same_pixels(object_id: str, obs_mode: str) -> None:
+    env, other = make_env(object_id, obs_mode=obs_mode), make_env(object_id, obs_mode=obs_mode)
+    seen = []
+    for world, first in ((env, 6), (other, 5)):
+        world.reset(seed=first)
+        observation, _ = world.reset(seed=5)
+        assert world.observation_space.contains(observation)
+        seen.append([observation, *(world.step(action)[0] for action in random_actions(3))])
+    assert [pixels_digest(o) for o in seen[0]] == [pixels_digest(o) for o in seen[1]]
+    assert len({pixels_digest(o) for o in seen[0]}) == 4
+
+
+@pytest.mark.parametrize("obs_mode", VISUAL_MODES)
+def test_two_processes_agree_on_every_pixel(object_id: str, obs_mode: str) -> None:
+    script = (
+        "import numpy as np, hashlib\n"
+        "from artiskill.envs.manipulation import ManipulationEnv\n"
+        f"env = ManipulationEnv({TASK!r}, objects={object_id!r}, obs_mode={obs_mode!r}); env.reset(seed=11)\n"
+        "for a in np.random.default_rng(0).uniform(-1, 1, (5, 13)).astype(np.float32): seen = env.step(a)[0]\n"
+        "digest = hashlib.sha256(seen['agent'].tobytes())\n"
+        f"for part in seen[{obs_mode!r}].values(): digest.update(part.tobytes())\n"
+        "print(digest.hexdigest())\n"
+    )
+    command = [sys.executable, "-c", script]
+    other = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    env = make_env(object_id, obs_mode=obs_mode)
+    assert pixels_digest(rollout(env, 11, random_actions(5))[-1][0]) == other
+
+
+@pytest.mark.parametrize("obs_mode", VISUAL_MODES)
+def test_restoring_returns_the_same_pixels(object_id: str, obs_mode: str) -> None:
+    env = make_env(object_id, obs_mode=obs_mode)
+    observation = rollout(env, 1, random_actions(4))[-1][0]
+    saved = env.save_state()
+    rollout(env, 8, random_actions(2))
+    assert pixels_digest(env.restore_state(saved)[0]) == pixels_digest(observation)
+    stranger = make_env(object_id, obs_mode=obs_mode)
+    assert pixels_digest(stranger.restore_state(saved)[0]) == pixels_digest(observation)
+
+
+def test_modes_see_the_same_episode(object_id: str) -> None:
+    """The same physics, the same rewards, the same robot; and no information about the object but pixels."""
+    traces = {
+        mode: rollout(make_env(object_id, obs_mode=mode), 2, random_actions(3)) for mode in OBSERVATION_MODES
+    }
+    for mode in VISUAL_MODES:
+        for (seen, reward, flags), (state, same_reward, same_flags) in zip(
+            traces[mode], traces["state"], strict=True
+        ):
+            assert (reward, flags) == (same_reward, same_flags)
+            assert set(seen) == {mode, "agent"}
+            np.testing.assert_array_equal(seen["agent"], state[-38:])
 
 
 def test_restoring_in_contact_repeats_every_bit(object_id: str) -> None:
@@ -226,6 +291,11 @@ def contacts_of(env: ManipulationEnv) -> tuple[mujoco.MjModel, mujoco.MjData]:
     return model, data
 
 
+def deepest_contact(env: ManipulationEnv) -> float:
+    _, data = contacts_of(env)
+    return min((contact.dist for contact in data.contact), default=0.0)
+
+
 @pytest.mark.parametrize("extreme", [False, True])
 def test_wild_actions_never_explode(object_id: str, extreme: bool) -> None:
     env = make_env(object_id)
@@ -242,6 +312,7 @@ def test_wild_actions_never_explode(object_id: str, extreme: bool) -> None:
         assert np.abs(snapshot.robot_qvel).max() < 30
         assert np.abs(snapshot.object_qvel).max() < 30
         assert snapshot.tool_position_w[..., 2].min() > -0.02, "the hand does not fall through the floor"
+        assert deepest_contact(env) > -0.01, "neither the cabinet nor its own trunk lets the robot through"
         assert (snapshot.object_qpos[0] < upper + 0.02).all()
         assert (snapshot.object_qpos[0] > -0.02).all()
 

@@ -1,5 +1,8 @@
 """The Gymnasium face: what may be asked of it, and what it answers to mistakes."""
 
+import dataclasses
+import pickle
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -7,13 +10,13 @@ import pytest
 import artiskill
 from artiskill.assets.catalog import load_object
 from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.envs.state import EnvState
 from artiskill.errors import (
     ActionError,
     ArtiSkillError,
     AssetError,
     ConfigError,
     ResetNeededError,
-    StateError,
     UnknownNameError,
 )
 
@@ -107,6 +110,20 @@ def test_illegal_actions(env: ManipulationEnv, action: object, says: str) -> Non
         ({"config": {"physics.timestep": 0.001}}, ConfigError, "timestep_s"),
         ({"config": {"reward.weights.hand_angel": 1}}, ConfigError, "hand_angle"),
         ({"config": {"robot": "two_arm"}}, UnknownNameError, "one_arm"),
+        ({"config": {"motion": "revolute"}}, ConfigError, "cannot be changed"),
+        ({"config": {"name": "Foo"}}, ConfigError, "cannot be changed"),
+        ({"config": [1]}, ConfigError, "mapping"),
+        ({"config": {"initial.heading_noise_rad": -1}}, ConfigError, "negative"),
+        ({"config": {"initial.robot_circle_radius_m": [1, float("inf")]}}, ConfigError, "range"),
+        ({"config": {"initial.robot_circle_center_m": [float("nan"), 0]}}, ConfigError, "2 numbers"),
+        ({"config": {"initial.lift_m": 9}}, ConfigError, "lift_m"),
+        ({"config": {"initial.joint_damping": [-2, 5]}}, ConfigError, "at least 0"),
+        ({"config": {"success.hold_s": float("inf")}}, ConfigError, "finite"),
+        ({"config": {"success.max_speed_m_s": -1}}, ConfigError, "negative"),
+        ({"config": {"physics.contact.impratio": -1}}, ConfigError, "impratio"),
+        ({"config": {"physics.contact.impedance": [2, 3, 0, 0, 0]}}, ConfigError, "d_min"),
+        ({"config": {"physics.gravity_m_s2": float("nan")}}, ConfigError, "gravity"),
+        ({"config": {"reward.weights.opening": float("nan")}}, ConfigError, "finite"),
     ],
 )
 def test_illegal_constructions(kwargs: dict, error: type[ArtiSkillError], says: str) -> None:
@@ -147,10 +164,46 @@ def test_a_failed_reset_leaves_the_episode_as_it_was(env: ManipulationEnv) -> No
     np.testing.assert_array_equal(restored, observation)
 
 
-def test_states_of_others_are_refused(env: ManipulationEnv) -> None:
+def damaged(state: EnvState, **changes: object) -> EnvState:
+    return dataclasses.replace(state, **changes)
+
+
+def test_refused_states_change_nothing(env: ManipulationEnv) -> None:
+    other = ManipulationEnv(objects="cabinet-0005")
+    other.reset(seed=1)
+    foreign = other.save_state()
     env.reset(seed=0)
-    with pytest.raises(StateError, match="ndarray"):
-        env.restore_state(np.zeros(3))  # type: ignore[arg-type]
+    mine = env.save_state()
+    physics = ManipulationEnv(objects=DRAWERS, config={"physics.timestep_s": 0.001})
+    physics.reset(seed=0)
+    cases = [
+        (np.zeros(3), "ndarray"),
+        (damaged(mine, task="PushChair"), "PushChair"),
+        (damaged(mine, simulation=foreign.simulation), "another object"),
+        (damaged(foreign, simulation=mine.simulation), "another object"),
+        (physics.save_state(), "physics configuration"),
+        (damaged(mine, elapsed=-1), "elapsed -1"),
+        (damaged(mine, streaks=np.zeros(3, int)), "streaks"),
+        (damaged(mine, target="link_77"), "link_"),
+        (damaged(mine, object="cabinet-9999"), "cabinet-"),
+    ]
+    for state, says in cases:
+        with pytest.raises(ArtiSkillError, match=says):
+            env.restore_state(state)  # type: ignore[arg-type]
+        after = env.save_state()
+        assert (after.object, after.target, after.level) == (mine.object, mine.target, mine.level)
+        np.testing.assert_array_equal(after.simulation.rows, mine.simulation.rows)
+    env.step(np.zeros(13))
+
+
+def test_states_of_objects_that_were_handed_in_come_back(env: ManipulationEnv) -> None:
+    mine = dataclasses.replace(load_object("generated:7"), id="mine")
+    observation, _ = env.reset(seed=3, options={"object": mine})
+    state = pickle.loads(pickle.dumps(env.save_state()))
+    env.reset(seed=4)
+    restored, info = env.restore_state(state)
+    assert info["object"] == "mine"
+    np.testing.assert_array_equal(restored, observation)
 
 
 def test_rendering_needs_a_mode(env: ManipulationEnv) -> None:

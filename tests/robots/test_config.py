@@ -7,7 +7,8 @@ import pytest
 
 from artiskill.config import from_mapping, load_config, to_mapping
 from artiskill.errors import ConfigError, UnknownNameError
-from artiskill.robots.config import ROBOT_DIR, ArmConfig, RobotConfig, load_arm, load_robot
+from artiskill.robots.arm_config import ROBOT_DIR, ArmConfig, load_arm
+from artiskill.robots.config import RobotConfig, load_robot
 
 ONE_ARM, PANDA = ROBOT_DIR / "one_arm.yaml", ROBOT_DIR / "panda.yaml"
 SHAPE = {"kind": "capsule", "size": [0.05, 0.1], "position_m": [0, 0, 0]}
@@ -47,11 +48,11 @@ def test_a_robot_survives_the_way_to_plain_values_and_back():
         ("lift.collisions", [SHAPE | {"kind": "cone"}], "'box', 'capsule'"),
         ("lift.collisions", [SHAPE | {"kind": "box"}], "a box has 3 sizes, all positive"),
         ("lift.collisions", [SHAPE | {"size": [0.05, -1]}], "a capsule has 2 sizes, all positive"),
-        ("lift.collisions", [SHAPE | {"position_m": [0, 0]}], "position_m needs three numbers"),
+        ("lift.collisions", [SHAPE | {"position_m": [0, 0]}], "position_m needs 3 numbers"),
         ("torso.body.mass_kg", 0, "mass_kg must be positive"),
         ("torso.body.inertia_kgm2", [1, 1, 3], "no body has the principal moments"),
-        ("torso.body.center_of_mass_m", [1, 1], "center_of_mass_m needs three numbers"),
-        ("torso.position_m", [0, 0, 0, 1], "position_m needs three numbers"),
+        ("torso.body.center_of_mass_m", [1, 1], "center_of_mass_m needs 3 numbers"),
+        ("torso.position_m", [0, 0, 0, 1], "position_m needs 3 numbers"),
         ("mounts", [], "one or two different sides"),
         ("initial.arm_qpos_rad", [0] * 6, "initial.arm_qpos_rad needs 7 numbers"),
         ("initial.arm_qpos_rad", [9, 0, 0, -1.5, 0, 3, 0.78], "arm_qpos_rad: panda_joint1 must lie in"),
@@ -74,10 +75,10 @@ def test_two_mounts_on_one_side_are_refused():
     ("key", "value", "message"),
     [
         ("joints", [], "one link per joint"),
-        ("hand.rpy_rad", [0, 0], "rpy_rad needs three numbers"),
+        ("hand.rpy_rad", [0, 0], "rpy_rad needs 3 numbers"),
         ("finger.range_m", [0.04, 0], "range_m must be a lower and a higher number"),
         ("finger.effort_n", 0, "effort_n must be positive"),
-        ("finger.tip_m", [0, 0], "tip_m needs three numbers"),
+        ("finger.tip_m", [0, 0], "tip_m needs 3 numbers"),
     ],
 )
 def test_bad_arm_values_give_one_clear_error(key, value, message):
@@ -90,7 +91,7 @@ def test_bad_joint_values_give_one_clear_error():
     for change, message in (
         ({"range_rad": (1.0, 1.0)}, "panda_joint1: range_rad must be a lower and a higher number"),
         ({"effort_nm": -1.0}, "panda_joint1: effort_nm must be positive"),
-        ({"position_m": (0.0,)}, "panda_joint1: position_m needs three numbers"),
+        ({"position_m": (0.0,)}, "panda_joint1: position_m needs 3 numbers"),
     ):
         with pytest.raises(ConfigError, match=message):
             replace(joint, **change)

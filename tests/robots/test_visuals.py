@@ -6,7 +6,7 @@ import pytest
 from artiskill.errors import UnknownNameError
 from artiskill.geometry.meshes import TriMesh
 from artiskill.geometry.rotations import quat_from_axis_angle, quat_from_rpy, quat_multiply, quat_rotate
-from artiskill.robots.config import ArmConfig, ShapeConfig, load_arm
+from artiskill.robots.arm_config import ArmConfig, ShapeConfig, load_arm
 from artiskill.robots.visuals import ROBOT_PARTS, robot_visuals
 
 ONE_ARMED = (*ROBOT_PARTS, "panda_finger")  # the finger is there twice

@@ -30,7 +30,7 @@ def collide(model: mujoco.MjModel, first: str, second: str) -> bool:
 def test_who_collides_with_whom(scene: Scene) -> None:
     model, robot = scene.model, scene.robot
     cabinet = [model.geom(i).name for i in range(model.ngeom) if model.geom(i).name.startswith("object/")]
-    finger, link, column = robot.finger_geoms[0], robot.link_geoms[0], robot.column_geoms[0]
+    finger, link, column = robot.finger_geoms[0], robot.outer_geoms[0], robot.column_geoms[0]
     assert all(collide(model, part, cabinet[0]) for part in (finger, link, column))
     assert collide(model, finger, "ground")
     assert collide(model, link, "ground")
@@ -38,6 +38,10 @@ def test_who_collides_with_whom(scene: Scene) -> None:
     assert not collide(model, cabinet[0], cabinet[-1]), "links of one cabinet never touch"
     assert not collide(model, cabinet[0], "ground")
     assert not collide(model, finger, robot.finger_geoms[-1])
+    trunk = (*robot.torso_geoms, *robot.column_geoms)
+    assert all(collide(model, part, own) for part in (finger, link) for own in trunk)
+    assert not any(collide(model, part, own) for part in robot.inner_geoms for own in trunk)
+    assert not collide(model, trunk[0], trunk[-1])
 
 
 def test_contact_recipe(scene: Scene) -> None:

@@ -38,8 +38,8 @@ def material(colour=(0.6, 0.6, 0.6), shininess=0.2, texture=None) -> Material:
     return Material("test", (*colour, 1.0), texture, shininess)
 
 
-def visual(mesh: TriMesh, body: int = -1, **looks) -> BodyVisual:
-    return BodyVisual(body, VisualMesh(mesh, material(**looks), "part"))
+def visual(mesh: TriMesh, body: int = -1, part: str = "part", **looks) -> BodyVisual:
+    return BodyVisual(body, VisualMesh(mesh, material(**looks), part))
 
 
 def sheet(half_m: float = 0.5) -> TriMesh:

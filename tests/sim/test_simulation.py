@@ -1,13 +1,14 @@
 """Stepping many environments: parameters of their own, resets of some, states saved and restored."""
 
 import dataclasses
+from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
 from artiskill.assets.catalog import load_object
-from artiskill.errors import StateError
+from artiskill.errors import DivergedError, StateError
 from artiskill.scene.scene import Scene, build_scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.states import InitialState
@@ -105,7 +106,26 @@ def test_settling_moves_time_back_to_zero(scene: Scene) -> None:
 def test_states_of_other_scenes_are_refused(scene: Scene) -> None:
     other = Simulation(build_scene(TASK.robot, load_object("cabinet-0014"), TASK.physics))
     simulation = Simulation(scene)
-    with pytest.raises(StateError, match="cabinet-0014"):
+    with pytest.raises(StateError, match="another object"):
         simulation.restore(other.save())
-    with pytest.raises(StateError, match="shape"):
+    slower = dataclasses.replace(TASK.physics, timestep_s=0.001)
+    with pytest.raises(StateError, match="physics configuration"):
+        simulation.restore(Simulation(build_scene(TASK.robot, scene.object, slower)).save())
+    with pytest.raises(StateError, match=r"rows of \(1, \d+\), not \(2, \d+\)"):
         simulation.restore(Simulation(scene, num_envs=2).save())
+    mine = simulation.save()
+    for name in ("rows", "joint_friction", "previous_link_position_w"):
+        with pytest.raises(StateError, match=f"{name} has numbers that are not finite"):
+            simulation.restore(dataclasses.replace(mine, **{name: getattr(mine, name) * np.nan}))
+    np.testing.assert_array_equal(simulation.save().rows, mine.rows)
+
+
+def test_physics_that_runs_away_is_an_error(scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # the engine leaves a log where it runs
+    simulation = Simulation(scene, num_envs=2)
+    simulation.reset([start(scene, i) for i in range(2)])
+    simulation._qvel[1] = 1e12
+    with pytest.raises(DivergedError, match=r"environments \[1\].*BAD"):
+        simulation.step(np.zeros((2, 13)))
+    simulation.reset([start(scene, 1)], env_ids=[1])
+    simulation.step(np.zeros((2, 13)))

@@ -8,6 +8,7 @@ float64 unless said otherwise and must be treated as read-only.
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -186,7 +187,7 @@ class ArticulatedObject:
         """Indices of the links that have a joint; joint k of the object belongs to the k-th of them."""
         return tuple(i for i, link in enumerate(self.links) if link.joint is not None)
 
-    @property
+    @cached_property
     def content_hash(self) -> str:
         """Hex digest over every number, to a nanometre or nanoradian, and every name but the id.
 

@@ -12,6 +12,8 @@ POINTS_PER_HANDLE = 100
 # The pads are 17 mm long and centred on the tool-centre point: this far inside the handle's outer face they
 # cover a bar of 10-19 mm, and the fingertips stay clear of the panel behind a projection of 27 mm and more.
 _GRASP_DEPTH_M = 0.010
+# words of a part's name that make it something to grip
+_HANDLE_WORDS = frozenset({"handle", "knob"})
 _HALF_TURN = quat_from_axis_angle((0, 0, 1), np.pi)
 
 
@@ -58,6 +60,11 @@ def handle_from_mesh(
         grasp_width_m=float(high[1] - low[1]),
         hookable=hookable,
     )
+
+
+def is_handle_part(part: str) -> bool:
+    """Whether a part of this name, `handle` or `round_knob`, say, is something to grip."""
+    return not _HANDLE_WORDS.isdisjoint(part.lower().split("_"))
 
 
 def _face_axes(hull: TriMesh, outward: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

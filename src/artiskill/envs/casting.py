@@ -29,9 +29,10 @@ class Casting:
         self.task = task
         self.choices = resolve_objects(objects, task=task.name)
         self.fixed_target = target
+        self._known: dict[str, ArticulatedObject] = {}
         for choice in self.choices:
             if target is not None or isinstance(choice, ArticulatedObject):
-                self._check_target(_load(choice), target)
+                self.check_target(_load(choice), target)
 
     def draw(
         self, level: int, object_choice: Any = None, target: str | None = None
@@ -46,20 +47,27 @@ class Casting:
             generator = level_generator(level, Stream.OBJECT)
             object_choice = self.choices[int(generator.integers(len(self.choices)))]
         obj = self.find(object_choice)
+        self._known[obj.id] = obj
         target = self.fixed_target if target is None else target
-        targets = self._check_target(obj, target)
+        targets = self.check_target(obj, target)
         if target is None:
             target = targets[int(level_generator(level, Stream.TARGET).integers(len(targets)))]
         return obj, target
 
     def find(self, given: str | ArticulatedObject) -> ArticulatedObject:
-        """An object by its id or as itself; ids of objects that were handed in are known too."""
-        for choice in self.choices:
-            if isinstance(choice, ArticulatedObject) and choice.id == given:
-                return choice
+        """An object by its id or as itself; ids of objects that were handed in or drawn before are known too."""
+        if isinstance(given, str):
+            handed_in = {c.id: c for c in self.choices if isinstance(c, ArticulatedObject)}
+            given = handed_in.get(given) or self._known.get(given) or given
         return _load(given)
 
-    def _check_target(self, obj: ArticulatedObject, target: str | None) -> tuple[str, ...]:
+    def check_target(self, obj: ArticulatedObject, target: str | None) -> tuple[str, ...]:
+        """The object's legal targets, after seeing that it has any, and `target`, where given, among them.
+
+        Raises:
+            UnknownNameError: no such target.
+            AssetError: an object of another category, or without a target.
+        """
         name = self.task.name
         if obj.category != self.task.category:
             raise AssetError(f"object {obj.id!r}: {name} needs a {self.task.category}, not a {obj.category}")

@@ -1,7 +1,6 @@
 """`ManipulationEnv`: the Gymnasium face of a task, one episode at a time."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import gymnasium as gym
@@ -9,48 +8,31 @@ import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.envs.casting import Casting, ObjectChoice
+from artiskill.envs.observation import Instant, Observer, StateObserver
 from artiskill.envs.rendering import WorldView
+from artiskill.envs.state import EnvState, check_progress
+from artiskill.envs.vision import PointCloudObserver, RgbdObserver
 from artiskill.errors import ConfigError, ResetNeededError, StateError, UnknownNameError
 from artiskill.robots.actions import action_scale, check_action
 from artiskill.scene.cache import cached_scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
-from artiskill.sim.states import SimulationState
-from artiskill.tasks.fields import field_bounds
 from artiskill.tasks.levels import MAX_LEVEL, Stream, check_level, level_generator
 from artiskill.tasks.progress import Progress
 from artiskill.tasks.registry import make_task
-from artiskill.tasks.task import Flags, Goal
+from artiskill.tasks.task import Flags, Goal, Task
 
-OBSERVATION_MODES: tuple[str, ...] = ("state",)
+_OBSERVERS: dict[str, Callable[[Task], Observer]] = {
+    "state": StateObserver,
+    "pointcloud": PointCloudObserver,
+    "rgbd": RgbdObserver,
+}
+OBSERVATION_MODES: tuple[str, ...] = tuple(_OBSERVERS)
 REWARD_MODES: tuple[str, ...] = ("dense", "sparse")
 RENDER_MODES: tuple[str, ...] = ("rgb_array",)
 
 
-@dataclass(frozen=True, eq=False)
-class EnvState:
-    """A saved instant of an episode; `ManipulationEnv.restore_state` takes it back.
-
-    Attributes:
-        task: name of the task.
-        object: id of the object.
-        target: name of the target link.
-        level: of the episode.
-        simulation: physical state.
-        elapsed: environment steps so far.
-        streaks: (F,) consecutive steps that each flag has held.
-    """
-
-    task: str
-    object: str
-    target: str
-    level: int
-    simulation: SimulationState
-    elapsed: int
-    streaks: np.ndarray
-
-
-class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
+class ManipulationEnv(gym.Env[Any, np.ndarray]):
     """One task, over one object or many, as a Gymnasium environment.
 
     ## Action space
@@ -65,10 +47,15 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
     | 4-10 | velocities of the arm's joints | -3.14 .. 3.14 rad/s |
     | 11-12 | position of each finger | 0 .. 0.04 m |
 
-    ## Observation space (`obs_mode="state"`)
+    ## Observation space
 
-    `Box` of float32 with finite bounds; `task.state_fields` lists every run of numbers with its unit. The last 38
-    describe the robot.
+    By `obs_mode`; docs/observations.md says more. `agent` is the last 38 numbers of the state, the robot's.
+
+    - `state`: `Box` of float32 with finite bounds; `task.state_fields` lists every run of numbers with its unit.
+    - `pointcloud`: `{"pointcloud": {"xyz": (192000, 3) float32 world, "rgb": (192000, 3) uint8, "seg":
+      (192000, 3) bool}, "agent": (38,) float32}`; the masks are target handle, target link, robot.
+    - `rgbd`: `{"rgbd": {"rgb": (160, 400, 9) uint8, "depth": (160, 400, 3) float32, "seg": (160, 400, 9) bool},
+      "agent": (38,) float32}`; three cameras, three masks each.
 
     ## Rewards
 
@@ -82,13 +69,13 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
     is `terminated` when the task is solved and `truncated` after `task.episode_steps` steps.
 
     `info` has `object`, `level`, `target`, `success`, `flags` (condition -> has it held long enough) and, after a
-    step or a reset, `reward_terms`.
+    step or a reset, `reward_terms`; in visual modes also `cameras`, their intrinsics and extrinsics.
 
     Args:
         task: name of the task.
         objects: a split (`train`, `test`, `all`), an object's id, a list of ids, or `ArticulatedObject`s.
         target: fix the target link; by default the level draws one.
-        obs_mode: `state`.
+        obs_mode: `state`, `pointcloud` or `rgbd`.
         reward_mode: `dense` or `sparse`.
         render_mode: None or `rgb_array`.
         config: values of the task's YAML to change, `{"episode_steps": 100}`; keys may be dotted.
@@ -118,13 +105,12 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
         self.obs_mode, self.reward_mode, self.render_mode = obs_mode, reward_mode, render_mode
         self._casting = Casting(self.task, objects, target)
         self._scale = action_scale(self.task.robot)
-        self._upper = field_bounds(self.task.state_fields)
-        self._lower = -self._upper
-        self.observation_space = gym.spaces.Box(self._lower, self._upper, dtype=np.float32)
+        self._observer = _OBSERVERS[obs_mode](self.task)
+        self.observation_space = self._observer.space
         self.action_space = gym.spaces.Box(-1.0, 1.0, self._scale.center.shape, np.float32)
         self._simulation: Simulation | None = None
         self._view: WorldView | None = None
-        self._progress = Progress(1, (), self.task.hold_steps)
+        self._progress = Progress(1, self.task.flag_names, self.task.hold_steps)
         self._goal: Goal = None
         self._snapshot: Snapshot | None = None
         self._object: ArticulatedObject | None = None
@@ -135,7 +121,7 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[np.ndarray, dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Start an episode; see the class.
 
         Raises:
@@ -151,16 +137,16 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
         super().reset(seed=seed)
         level = int(self.np_random.integers(MAX_LEVEL + 1)) if level is None else level
         obj, target = self._casting.draw(level, options.get("object"), options.get("target"))
-        self._enter(obj, target)
+        simulation = self._simulation_of(obj)
+        self._enter(simulation, target)
         self._level = level
-        assert self._simulation is not None
         generator = level_generator(level, Stream.INITIAL_STATE)
-        self._simulation.reset([self.task.sample_initial_state(obj, generator)])
-        self._snapshot = self._simulation.snapshot()
+        simulation.reset([self.task.sample_initial_state(obj, generator)])
+        self._snapshot = simulation.snapshot()
         self._progress.restart()
-        return self._observe(), self._info()[0]
+        return self._observe(self._info()[0])
 
-    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+    def step(self, action: np.ndarray) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One environment step of 0.05 s.
 
         Raises:
@@ -179,7 +165,8 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
         success = info["success"]
         reward = dense if self.reward_mode == "dense" else float(success)
         truncated = bool(self._progress.elapsed[0] >= self.task.episode_steps) and not success
-        return self._observe(), reward, success, truncated, info
+        observation, info = self._observe(info)
+        return observation, reward, success, truncated, info
 
     def render(self) -> np.ndarray:
         """The scene from the world camera, (480, 640, 3) uint8.
@@ -194,6 +181,13 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
             assert self._simulation is not None
             self._view = WorldView(self._simulation.scene)
         return self._view.draw(self.snapshot)
+
+    def observe_with(self, observer: Observer) -> None:
+        """Observe in another way from the next `reset`, `step` or `restore_state` on; for wrappers."""
+        self._observer = observer
+        self.observation_space = observer.space
+        if self._simulation is not None:
+            observer.enter(self._simulation.scene, self._target)
 
     # -- state ---------------------------------------------------------------------------------------------------
 
@@ -211,28 +205,34 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
             streaks=self._progress.streaks[0].copy(),
         )
 
-    def restore_state(self, state: EnvState) -> tuple[np.ndarray, dict[str, Any]]:
-        """Take back an instant, of whichever object; the same actions then give the same bits.
+    def restore_state(self, state: EnvState) -> tuple[Any, dict[str, Any]]:
+        """Take back an instant; the same actions then give the same bits.
+
+        Its object may be any of the catalogue, or one that this environment has had. What counts as success and
+        what is rewarded stays the environment's own.
 
         Returns:
             The observation and info of that instant.
 
         Raises:
-            StateError: the state is of another task or does not fit the object.
+            StateError: the state is of another task, object or physics configuration, or damaged; the episode goes
+                on as if nothing had happened.
         """
         if not isinstance(state, EnvState) or state.task != self.task.name:
             given = state.task if isinstance(state, EnvState) else type(state).__name__
             raise StateError(f"cannot restore a state of {given!r} into {self.task.name!r}")
-        same = self._object is not None and self._object.id == state.object
-        obj = self._object if same and self._object is not None else self._casting.find(state.object)
-        self._enter(obj, state.target)
-        assert self._simulation is not None
-        self._simulation.restore(state.simulation)
-        self._snapshot = self._simulation.snapshot()
+        obj = self._casting.find(state.object)
+        self._casting.check_target(obj, state.target)
+        simulation = self._simulation_of(obj)
+        simulation.check_state(state.simulation)
+        check_progress(state, len(self.task.flag_names))
+        self._enter(simulation, state.target)  # all is well: from here on nothing fails
+        simulation.restore(state.simulation)
+        self._snapshot = simulation.snapshot()
         self._level = state.level
         self._progress.elapsed[:] = state.elapsed
         self._progress.streaks[:] = state.streaks
-        return self._observe(), self._info()[0]
+        return self._observe(self._info()[0])
 
     @property
     def snapshot(self) -> Snapshot:
@@ -250,23 +250,27 @@ class ManipulationEnv(gym.Env[np.ndarray, np.ndarray]):
 
     # -- inside --------------------------------------------------------------------------------------------------
 
-    def _enter(self, obj: ArticulatedObject, target: str) -> None:
-        """Have the object's simulation and the target's goal at hand."""
-        if self._simulation is None or self._object is not obj:
-            self._simulation = Simulation(cached_scene(self.task.robot, obj, self.task.physics))
-            self._view = None
-            self._object = obj
-            self._target = ""
-        if self._target != target:
-            self._goal = self.task.make_goal(obj, target)
-            self._target = target
-        if not self._progress.flag_names:
-            names = tuple(self.task.flags(self._simulation.snapshot(), self._goal))
-            self._progress = Progress(1, names, self.task.hold_steps)
+    def _simulation_of(self, obj: ArticulatedObject) -> Simulation:
+        """The present simulation where it has this object, else a new one."""
+        if self._simulation is not None and self._simulation.scene.object is obj:
+            return self._simulation
+        return Simulation(cached_scene(self.task.robot, obj, self.task.physics))
 
-    def _observe(self) -> np.ndarray:
-        values = self.task.observe_state(self.snapshot, self._goal)[0]
-        return np.minimum(np.maximum(values, self._lower), self._upper)
+    def _enter(self, simulation: Simulation, target: str) -> None:
+        """Go over to a simulation and a target."""
+        obj = simulation.scene.object
+        goal = self.task.make_goal(obj, target)
+        if self._simulation is not simulation or self._target != target:
+            self._observer.enter(simulation.scene, target)
+        if self._simulation is not simulation:
+            self._view = None
+        self._simulation, self._object, self._target, self._goal = simulation, obj, target, goal
+
+    def _observe(self, info: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
+        """The observation of this instant, and `info` with what its mode adds."""
+        instant = Instant(self.snapshot, self._goal, self._level, int(self._progress.elapsed[0]))
+        observation, added = self._observer.observe(instant)
+        return observation, info | added
 
     def _info(self, flags: Flags | None = None) -> tuple[dict[str, Any], float]:
         """Info of this instant, and the dense reward that its terms add up to."""

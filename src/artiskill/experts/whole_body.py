@@ -10,7 +10,8 @@ import numpy as np
 
 from artiskill.config import check
 from artiskill.robots.actions import ActionScale, action_scale
-from artiskill.robots.config import RobotConfig, load_arm
+from artiskill.robots.arm_config import load_arm
+from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
 
 _BASE = 3  # base x, y and yaw; then the lift; then the arm's joints

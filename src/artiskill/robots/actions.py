@@ -6,7 +6,8 @@ import numpy as np
 
 from artiskill.errors import ActionError
 from artiskill.geometry.arrays import clamp
-from artiskill.robots.config import RobotConfig, load_arm
+from artiskill.robots.arm_config import load_arm
+from artiskill.robots.config import RobotConfig
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,123 +1,19 @@
-"""What a robot's YAML holds: kinematics, inertias, collision shapes, drives and the meaning of actions."""
+"""What a robot's YAML holds: base, lift, torso, where arms sit, drives and the meaning of actions."""
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from functools import cache
-from pathlib import Path
 from typing import Literal
 
-from artiskill.config import CONFIG_DIR, check, load_config
+from artiskill.config import (
+    check,
+    check_inside,
+    check_not_negative,
+    check_positive,
+    check_range,
+    check_vector,
+    load_config,
+)
 from artiskill.errors import ConfigError, UnknownNameError
-
-ROBOT_DIR = CONFIG_DIR / "robots"
-_SIZES = {"box": 3, "capsule": 2, "cylinder": 2, "sphere": 1}  # numbers in a shape's size
-
-
-@dataclass(frozen=True)
-class BodyConfig:
-    """Mass, centre of mass in the link's frame, and principal inertia about it."""
-
-    mass_kg: float
-    center_of_mass_m: tuple[float, ...]
-    inertia_kgm2: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        _check_positive(self, "mass_kg")
-        _check_vector(self, "center_of_mass_m", "inertia_kgm2")
-        a, b, c = sorted(self.inertia_kgm2)
-        check(a > 0 and a + b >= c, f"no body has the principal moments inertia_kgm2 {list(self.inertia_kgm2)}")
-
-
-@dataclass(frozen=True)
-class ShapeConfig:
-    """A collision shape; sizes as in `assets.articulated_object.CollisionShape`."""
-
-    kind: Literal["box", "capsule", "cylinder", "sphere"]
-    size: tuple[float, ...]
-    position_m: tuple[float, ...]
-    rpy_rad: tuple[float, ...] = (0.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        _check_vector(self, "position_m", "rpy_rad")
-        count = _SIZES.get(self.kind, len(self.size))
-        check(
-            len(self.size) == count and all(0 < x < math.inf for x in self.size),
-            f"a {self.kind} has {count} sizes, all positive, not {list(self.size)}",
-        )
-
-
-@dataclass(frozen=True)
-class ArmJointConfig:
-    """A hinge about its own z axis; the frame is given in the previous joint's."""
-
-    name: str
-    rpy_rad: tuple[float, ...]
-    position_m: tuple[float, ...]
-    range_rad: tuple[float, ...]
-    effort_nm: float
-
-    def __post_init__(self) -> None:
-        _check_vector(self, "rpy_rad", "position_m")
-        _check_range(self, "range_rad")
-        _check_positive(self, "effort_nm")
-
-
-@dataclass(frozen=True)
-class ArmLinkConfig:
-    """The link behind a joint."""
-
-    name: str
-    body: BodyConfig
-    collisions: tuple[ShapeConfig, ...]
-
-
-@dataclass(frozen=True)
-class HandConfig:
-    """The hand, rigid on the last link."""
-
-    position_m: tuple[float, ...]
-    rpy_rad: tuple[float, ...]
-    body: BodyConfig
-    collisions: tuple[ShapeConfig, ...]
-
-    def __post_init__(self) -> None:
-        _check_vector(self, "position_m", "rpy_rad")
-
-
-@dataclass(frozen=True)
-class FingerConfig:
-    """One finger, which slides along its +y; the other is the same, turned by pi about z."""
-
-    position_m: tuple[float, ...]
-    range_m: tuple[float, ...]
-    effort_n: float
-    body: BodyConfig
-    tip_m: tuple[float, ...]
-    pad_m: tuple[float, ...]
-    line_start_m: tuple[float, ...]
-    collisions: tuple[ShapeConfig, ...]
-
-    def __post_init__(self) -> None:
-        _check_vector(self, "position_m", "tip_m", "pad_m", "line_start_m")
-        _check_range(self, "range_m")
-        _check_positive(self, "effort_n")
-
-
-@dataclass(frozen=True)
-class ArmConfig:
-    """An arm: as many links as joints, then hand and fingers."""
-
-    joints: tuple[ArmJointConfig, ...]
-    links: tuple[ArmLinkConfig, ...]
-    hand: HandConfig
-    finger: FingerConfig
-
-    def __post_init__(self) -> None:
-        check(
-            len(self.joints) == len(self.links),
-            f"an arm needs one link per joint, not {len(self.links)} links for {len(self.joints)} joints",
-        )
+from artiskill.robots.arm_config import BodyConfig, ShapeConfig, load_arm, robot_file
 
 
 @dataclass(frozen=True)
@@ -129,7 +25,7 @@ class MountConfig:
     rpy_rad: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        _check_vector(self, "position_m", "rpy_rad")
+        check_vector(self, "position_m", "rpy_rad")
 
 
 @dataclass(frozen=True)
@@ -138,9 +34,10 @@ class BaseConfig:
 
     range_m: tuple[float, ...]
     body: BodyConfig
+    collisions: tuple[ShapeConfig, ...]
 
     def __post_init__(self) -> None:
-        _check_range(self, "range_m")
+        check_range(self, "range_m")
 
 
 @dataclass(frozen=True)
@@ -152,7 +49,7 @@ class LiftConfig:
     collisions: tuple[ShapeConfig, ...]
 
     def __post_init__(self) -> None:
-        _check_range(self, "range_m")
+        check_range(self, "range_m")
 
 
 @dataclass(frozen=True)
@@ -164,7 +61,7 @@ class TorsoConfig:
     collisions: tuple[ShapeConfig, ...]
 
     def __post_init__(self) -> None:
-        _check_vector(self, "position_m")
+        check_vector(self, "position_m")
 
 
 @dataclass(frozen=True)
@@ -194,11 +91,8 @@ class DriveConfig:
     finger_armature: float
 
     def __post_init__(self) -> None:
-        _check_positive(
-            self, "filter_cutoff_hz", "base_damping", "lift_damping", "arm_damping", "finger_stiffness"
-        )
-        for name in ("finger_damping", "joint_friction", "arm_armature", "finger_armature"):
-            _check_value(self, name, 0 <= getattr(self, name) < math.inf, "must not be negative, and finite")
+        check_positive(self, "filter_cutoff_hz", "base_damping", "lift_damping", "arm_damping", "finger_stiffness")
+        check_not_negative(self, "finger_damping", "joint_friction", "arm_armature", "finger_armature")
 
 
 @dataclass(frozen=True)
@@ -211,7 +105,7 @@ class ActionConfig:
     arm_velocity_rad_s: float
 
     def __post_init__(self) -> None:
-        _check_positive(self, *(f.name for f in fields(self)))
+        check_positive(self, *(f.name for f in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -247,8 +141,8 @@ class RobotConfig:
         given, count = self.initial.arm_qpos_rad, len(arm.joints)
         check(len(given) == count, f"initial.arm_qpos_rad needs {count} numbers, one per joint, not {len(given)}")
         for joint, value in zip(arm.joints, given, strict=True):
-            _check_inside(f"initial.arm_qpos_rad: {joint.name}", value, joint.range_rad)
-        _check_inside("initial.finger_qpos_m", self.initial.finger_qpos_m, arm.finger.range_m)
+            check_inside(f"initial.arm_qpos_rad: {joint.name}", value, joint.range_rad)
+        check_inside("initial.finger_qpos_m", self.initial.finger_qpos_m, arm.finger.range_m)
 
 
 def load_robot(name: str) -> RobotConfig:
@@ -257,44 +151,4 @@ def load_robot(name: str) -> RobotConfig:
     Raises:
         UnknownNameError: there is no such robot.
     """
-    return load_config(RobotConfig, _robot_file("robot", name, has_key="mounts"))
-
-
-@cache
-def load_arm(name: str) -> ArmConfig:
-    """An arm that comes with the package, by name; errors as of `load_robot`."""
-    return load_config(ArmConfig, _robot_file("arm", name, has_key="joints"))
-
-
-def _robot_file(kind: str, name: str, has_key: str) -> Path:
-    texts = {path: path.read_text(encoding="utf-8") for path in ROBOT_DIR.glob("*.yaml")}
-    files = {path.stem: path for path, text in texts.items() if f"\n{has_key}:" in "\n" + text}
-    if name not in files:
-        raise UnknownNameError(kind, name, files)
-    return files[name]
-
-
-def _check_vector(config: object, *names: str) -> None:
-    for name in names:
-        value = getattr(config, name)
-        _check_value(config, name, len(value) == 3 and all(map(math.isfinite, value)), "needs three numbers")
-
-
-def _check_range(config: object, name: str) -> None:
-    value = getattr(config, name)
-    legal = len(value) == 2 and -math.inf < value[0] < value[1] < math.inf
-    _check_value(config, name, legal, "must be a lower and a higher number")
-
-
-def _check_positive(config: object, *names: str) -> None:
-    for name in names:
-        _check_value(config, name, 0 < getattr(config, name) < math.inf, "must be positive, and finite")
-
-
-def _check_value(config: object, name: str, legal: bool, rule: str) -> None:
-    owner = getattr(config, "name", "")
-    check(legal, f"{owner}{': ' if owner else ''}{name} {rule}, not {getattr(config, name)}")
-
-
-def _check_inside(what: str, value: float, limits: Sequence[float]) -> None:
-    check(limits[0] <= value <= limits[1], f"{what} must lie in {list(limits)}, not {value}")
+    return load_config(RobotConfig, robot_file("robot", name, has_key="mounts"))

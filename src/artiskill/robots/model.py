@@ -14,20 +14,14 @@ import mujoco
 import numpy as np
 
 from artiskill.geometry.rotations import quat_from_axis_angle, quat_from_rpy
-from artiskill.robots.config import (
-    ArmConfig,
-    BodyConfig,
-    FingerConfig,
-    MountConfig,
-    RobotConfig,
-    ShapeConfig,
-    load_arm,
-)
+from artiskill.robots.arm_config import ArmConfig, BodyConfig, FingerConfig, ShapeConfig, load_arm
+from artiskill.robots.config import MountConfig, RobotConfig
 from artiskill.robots.shapes import add_shape
 
 BASE_BODY, LIFT_BODY, TORSO_BODY = "mobile_base", "lift", "torso"
 BASE_JOINTS = ("root_x_axis_joint", "root_y_axis_joint", "root_z_rotation_joint")
 LIFT_JOINT = "linear_actuator_height"
+_OUTER_FROM = 4  # index of link 5, the forearm
 _HALF_TURN_Z = quat_from_axis_angle((0, 0, 1), math.pi)
 
 
@@ -44,8 +38,10 @@ class RobotPart:
         finger_line_sites: where each finger's line starts, in the same order; it ends at the fingertip.
         tool_sites: one per arm, between the pads, oriented as the hand (z forward, fingers close along y).
         finger_geoms: shapes that grip.
-        link_geoms: other shapes of the arms and the torso.
-        column_geoms: shapes that must not touch the ground.
+        outer_geoms: the arms' other shapes from link 5 on, which can reach the robot's own trunk.
+        inner_geoms: the arms' shapes up to link 4, which overlap the torso at the shoulder.
+        torso_geoms: shapes of torso and head.
+        column_geoms: platform and column, which must not touch the ground.
     """
 
     config: RobotConfig
@@ -56,7 +52,9 @@ class RobotPart:
     finger_line_sites: tuple[str, ...]
     tool_sites: tuple[str, ...]
     finger_geoms: tuple[str, ...]
-    link_geoms: tuple[str, ...]
+    outer_geoms: tuple[str, ...]
+    inner_geoms: tuple[str, ...]
+    torso_geoms: tuple[str, ...]
     column_geoms: tuple[str, ...]
 
 
@@ -72,7 +70,7 @@ class _Builder:
         self.fingertip_sites: list[str] = []
         self.finger_line_sites: list[str] = []
         self.tool_sites: list[str] = []
-        self.geoms: dict[str, list[str]] = {"finger": [], "link": [], "column": []}
+        self.geoms: dict[str, list[str]] = {role: [] for role in ("finger", "outer", "inner", "torso", "column")}
 
     def body(self, parent: Any, name: str, part: str, position: Any, quaternion: Any, inertial: BodyConfig) -> Any:
         body = parent.add_body(name=name, pos=np.asarray(position, dtype=float), quat=quaternion, gravcomp=1)
@@ -123,7 +121,9 @@ def add_robot(spec: Any, config: RobotConfig) -> RobotPart:
         finger_line_sites=tuple(builder.finger_line_sites),
         tool_sites=tuple(builder.tool_sites),
         finger_geoms=tuple(builder.geoms["finger"]),
-        link_geoms=tuple(builder.geoms["link"]),
+        outer_geoms=tuple(builder.geoms["outer"]),
+        inner_geoms=tuple(builder.geoms["inner"]),
+        torso_geoms=tuple(builder.geoms["torso"]),
         column_geoms=tuple(builder.geoms["column"]),
     )
 
@@ -137,11 +137,12 @@ def _add_trunk(builder: _Builder) -> Any:
     builder.joint(base, BASE_JOINTS[1], slide, (0, 1, 0), config.base.range_m, 0)
     builder.joint(base, BASE_JOINTS[2], hinge, (0, 0, 1), None, 0)
     base.add_site(name=BASE_BODY)
+    builder.shapes(base, "column", config.base.collisions)
     lift = builder.body(base, LIFT_BODY, "lift", (0, 0, 0), identity, config.lift.body)
     builder.joint(lift, LIFT_JOINT, slide, (0, 0, 1), config.lift.range_m, 0)
     builder.shapes(lift, "column", config.lift.collisions)
     torso = builder.body(lift, TORSO_BODY, "torso", config.torso.position_m, identity, config.torso.body)
-    builder.shapes(torso, "link", config.torso.collisions)
+    builder.shapes(torso, "torso", config.torso.collisions)
     return torso
 
 
@@ -160,7 +161,7 @@ def _add_arm(builder: _Builder, torso: Any, mount: MountConfig) -> None:
             joint.range_rad,
             builder.config.drives.arm_armature,
         )
-        builder.shapes(body, "link", link.collisions)
+        builder.shapes(body, "inner" if i < _OUTER_FROM else "outer", link.collisions)
         parent = body
     hand = builder.body(
         parent,
@@ -170,7 +171,7 @@ def _add_arm(builder: _Builder, torso: Any, mount: MountConfig) -> None:
         quat_from_rpy(arm.hand.rpy_rad),
         arm.hand.body,
     )
-    builder.shapes(hand, "link", arm.hand.collisions)
+    builder.shapes(hand, "outer", arm.hand.collisions)
     _add_fingers(builder, hand, mount.side, arm.finger)
 
 

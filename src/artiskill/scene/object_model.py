@@ -8,7 +8,8 @@ import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape, Link
 from artiskill.robots.shapes import add_shape
-from artiskill.scene.physics import Group, PhysicsConfig, set_contact
+from artiskill.scene.options import Group, set_contact
+from artiskill.scene.physics import PhysicsConfig
 
 _MIN_MASS_KG = 0.05  # of a moving link whose collision shapes are too small to weigh anything
 OBJECT_PREFIX = "object/"

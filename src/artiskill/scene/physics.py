@@ -1,13 +1,9 @@
-"""Physics configuration: rates, solver and contact parameters, and how they reach the model."""
+"""Physics configuration: rates, solver and contact parameters. `scene.options` brings them into a model."""
 
-from collections.abc import Iterable
+import math
 from dataclasses import dataclass
-from enum import IntFlag
-from typing import Any
 
-import mujoco
-
-from artiskill.config import check
+from artiskill.config import check_not_negative, check_positive, check_value
 
 
 @dataclass(frozen=True)
@@ -31,12 +27,18 @@ class ContactConfig:
     impedance: tuple[float, ...] = (0.95, 0.99, 0.001, 0.5, 2.0)
 
     def __post_init__(self) -> None:
-        check(self.time_constant_steps >= 2, "contact.time_constant_steps must be at least 2 for stability")
-        check(len(self.impedance) == 5, "contact.impedance needs five numbers (MuJoCo's solimp)")
-        check(
-            min(self.finger_friction, self.object_friction, self.ground_friction) >= 0,
-            "contact frictions must not be negative",
+        check_not_negative(self, "finger_friction", "object_friction", "ground_friction")
+        check_positive(self, "impratio")
+        check_value(
+            self,
+            "time_constant_steps",
+            2 <= self.time_constant_steps < math.inf,
+            "must be at least 2 for stability",
         )
+        legal = len(self.impedance) == 5 and 0 < self.impedance[0] <= self.impedance[1] < 1
+        legal = legal and self.impedance[2] > 0 and 0 < self.impedance[3] < 1 and self.impedance[4] >= 1
+        rule = "needs 0 < d_min <= d_max < 1, width > 0, 0 < midpoint < 1, power >= 1"
+        check_value(self, "impedance", legal and all(map(math.isfinite, self.impedance)), rule)
 
 
 @dataclass(frozen=True)
@@ -60,11 +62,10 @@ class PhysicsConfig:
     contact: ContactConfig = ContactConfig()
 
     def __post_init__(self) -> None:
-        check(0 < self.timestep_s <= 0.01, f"physics.timestep_s must lie in (0, 0.01], not {self.timestep_s}")
-        check(
-            min(self.physics_steps_per_control, self.control_steps_per_step, self.solver_iterations) >= 1,
-            "physics: step counts and solver_iterations must be at least 1",
-        )
+        check_value(self, "timestep_s", 0 < self.timestep_s <= 0.01, "must lie in (0, 0.01]")
+        check_value(self, "gravity_m_s2", math.isfinite(self.gravity_m_s2), "must be finite")
+        for name in ("physics_steps_per_control", "control_steps_per_step", "solver_iterations"):
+            check_value(self, name, getattr(self, name) >= 1, "must be at least 1")
 
     @property
     def physics_steps_per_step(self) -> int:
@@ -75,45 +76,3 @@ class PhysicsConfig:
     def step_s(self) -> float:
         """Duration of one environment step."""
         return self.timestep_s * self.physics_steps_per_step
-
-
-class Group(IntFlag):
-    """Collision groups, as MuJoCo's contype bits."""
-
-    ROBOT = 1
-    OBJECT = 2
-    GROUND = 4
-    LOOSE = 8  # free bodies of a task, such as a ball
-
-
-def set_options(spec: Any, physics: PhysicsConfig) -> None:
-    """Units, integrator, solver, friction cone and rates of a specification."""
-    spec.compiler.degree = False
-    option = spec.option
-    option.timestep = physics.timestep_s
-    option.gravity = (0.0, 0.0, physics.gravity_m_s2)
-    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.impratio = physics.contact.impratio
-    option.iterations = physics.solver_iterations
-
-
-def set_contact(geom: Any, group: Group, collides_with: Group, friction: float, physics: PhysicsConfig) -> None:
-    """Collision groups, friction and constraint parameters of one geom."""
-    geom.contype = int(group)
-    geom.conaffinity = int(collides_with)
-    geom.friction[0] = friction
-    geom.solref = _solref(physics)
-    geom.solimp = physics.contact.impedance
-
-
-def set_joint_limits_solver(joints: Iterable[Any], physics: PhysicsConfig) -> None:
-    """Joint limits as stiff as contacts."""
-    for joint in joints:
-        joint.solref_limit = _solref(physics)
-        joint.solimp_limit = physics.contact.impedance
-
-
-def _solref(physics: PhysicsConfig) -> tuple[float, float]:
-    return (physics.contact.time_constant_steps * physics.timestep_s, 1.0)

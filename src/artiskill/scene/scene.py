@@ -11,7 +11,8 @@ from artiskill.robots.config import RobotConfig
 from artiskill.robots.model import RobotPart, add_robot
 from artiskill.robots.visuals import robot_visuals
 from artiskill.scene.object_model import ObjectPart, add_object
-from artiskill.scene.physics import Group, PhysicsConfig, set_contact, set_joint_limits_solver, set_options
+from artiskill.scene.options import Group, set_contact, set_joint_limits_solver, set_options
+from artiskill.scene.physics import PhysicsConfig
 
 
 @dataclass(frozen=True)
@@ -106,15 +107,17 @@ def build_scene(robot: RobotConfig, obj: ArticulatedObject, physics: PhysicsConf
 
 
 def _set_robot_contacts(spec: Any, robot: RobotPart, physics: PhysicsConfig) -> None:
-    contact = physics.contact
-    touchable = Group.OBJECT | Group.LOOSE
-    for names, collides_with, friction in (
-        (robot.finger_geoms, touchable | Group.GROUND, contact.finger_friction),
-        (robot.link_geoms, touchable | Group.GROUND, contact.ground_friction),
-        (robot.column_geoms, touchable, contact.ground_friction),
+    contact, touchable = physics.contact, Group.OBJECT | Group.LOOSE
+    trunk, ground = Group.ROBOT | Group.TRUNK, touchable | Group.GROUND
+    for names, group, collides_with, friction in (
+        (robot.finger_geoms, Group.ROBOT, ground | Group.TRUNK, contact.finger_friction),
+        (robot.outer_geoms, Group.ROBOT, ground | Group.TRUNK, contact.ground_friction),
+        (robot.inner_geoms, Group.ROBOT, ground, contact.ground_friction),
+        (robot.torso_geoms, trunk, ground, contact.ground_friction),
+        (robot.column_geoms, trunk, touchable, contact.ground_friction),
     ):
         for name in names:
-            set_contact(spec.geom(name), Group.ROBOT, collides_with, friction, physics)
+            set_contact(spec.geom(name), group, collides_with, friction, physics)
     for name in robot.finger_geoms:
         spec.geom(name).priority = 1
 

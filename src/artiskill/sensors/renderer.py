@@ -1,70 +1,32 @@
 """`Renderer`: a scene's surfaces, poses of its bodies and cameras to images."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 
-from artiskill.errors import ConfigError, StateError, UnknownNameError
-from artiskill.geometry.rotations import quat_to_matrix
+from artiskill.errors import ConfigError, StateError
 from artiskill.sensors.camera import Camera
-from artiskill.sensors.lighting import Surfaces, View, encoded, irradiance, lights, surfaces, tone_mapped
-from artiskill.sensors.rasterise import fill_background, project_perspective, rasterise, transform_vertices
+from artiskill.sensors.camera_batch import CameraBatch, common_resolution, views_of
+from artiskill.sensors.compilation import announce_compilation
+from artiskill.sensors.images import CHANNELS, Images, allocate_images, as_kernel_channels, check_channels
+from artiskill.sensors.lighting import View, encoded, irradiance, lights, surfaces, tone_mapped
+from artiskill.sensors.orthographic import transform_vertices
+from artiskill.sensors.rasterise import draw_geoms, fill_background
 from artiskill.sensors.render_config import RenderConfig
-from artiskill.sensors.resolve import resolve_depth, resolve_ids, resolve_position
-from artiskill.sensors.shade_fast import shade_fast
+from artiskill.sensors.render_views import Poses, Scratch, Views, allocate_scratch, pose_matrices, render_views
+from artiskill.sensors.resolve import Channels
+from artiskill.sensors.scene_tables import build_scene_tables
 from artiskill.sensors.shade_picture import PictureShader
 from artiskill.sensors.triangle_soup import BodyVisual, build_triangle_soup
 
-CHANNELS = ("rgb", "depth", "position_w", "geom", "body")
-
-
-@dataclass(frozen=True, eq=False)
-class Images:
-    """What C cameras saw; only the channels that were asked for are there."""
-
-    _channels: dict[str, np.ndarray] = field(default_factory=dict)
-
-    def __getitem__(self, channel: str) -> np.ndarray:
-        """A channel by its name.
-
-        Raises:
-            UnknownNameError: it was not rendered.
-        """
-        if channel not in self._channels:
-            raise UnknownNameError("image channel", channel, self._channels, "Ask for it when rendering.")
-        return self._channels[channel]
-
-    @property
-    def rgb(self) -> np.ndarray:
-        """(C, H, W, 3) uint8 sRGB."""
-        return self["rgb"]
-
-    @property
-    def depth(self) -> np.ndarray:
-        """(C, H, W) float32 metres along the optical axis, 0 where nothing is."""
-        return self["depth"]
-
-    @property
-    def position_w(self) -> np.ndarray:
-        """(C, H, W, 3) float32 world positions, 0 where nothing is."""
-        return self["position_w"]
-
-    @property
-    def geom(self) -> np.ndarray:
-        """(C, H, W) int32 index of the visual; `rasterise.NOTHING` (-1) or `FLOOR` (-2) where there is none."""
-        return self["geom"]
-
-    @property
-    def body(self) -> np.ndarray:
-        """(C, H, W) int32 index of the body; -1 where nothing is, -2 for the floor and all that never moves."""
-        return self["body"]
+__all__ = ("CHANNELS", "Images", "Renderer")
 
 
 class Renderer:
-    """Draws one scene in any state. It keeps its buffers: one renderer per thread."""
+    """Draws one scene in any state. It keeps its buffers: call it from one thread at a time."""
 
     def __init__(self, visuals: Sequence[BodyVisual], config: RenderConfig) -> None:
         """Build what does not depend on the state.
@@ -78,19 +40,21 @@ class Renderer:
         """
         self.config = config
         self.soup = build_triangle_soup(visuals, math.radians(config.crease_angle_deg), config.max_texture_px)
+        self._tables = build_scene_tables(self.soup)
         self._lights = lights(config)
-        self._plain = self._plain_colours()
-        self._world = np.empty_like(self.soup.vertices)
-        self._projected = np.empty_like(self.soup.vertices)
-        self._planes = np.empty((0, 5, 3), dtype=np.float32)
-        self._buffers: dict[tuple[int, int], tuple[np.ndarray, np.ndarray]] = {}
-        # a world-fixed visual's body id must differ from "nothing", which is -1 too
-        self._face_body_id = np.where(self.soup.face_body < 0, -2, self.soup.face_body).astype(np.int32)
+        self._plain_colours = self._display_plain_colours()
+        self._plain: dict[int, np.ndarray] = {}
+        self._scratch: dict[tuple[int, int], list[Scratch]] = {}
+        self._pool: ThreadPoolExecutor | None = None
+        self._pool_size = 0
         self._picture: PictureShader | None = None
         if config.quality == "picture":
             self._picture = PictureShader(self.soup, self._lights, config)
-        else:
-            self._planes = np.empty((len(self.soup.faces), 5, 3), dtype=np.float32)
+
+    @property
+    def part_names(self) -> tuple[str, ...]:
+        """What the numbers of the channel `part` stand for."""
+        return self.soup.part_names
 
     def render(
         self,
@@ -98,95 +62,172 @@ class Renderer:
         body_quaternions_w: Any,
         cameras: Sequence[Camera],
         channels: Sequence[str] = ("rgb",),
+        out: Images | None = None,
+        threads: int = 1,
     ) -> Images:
-        """Draw the scene.
+        """Draw the scene in one state.
 
         Args:
             body_positions_w: (N, 3) metres; N covers every body that a visual names.
             body_quaternions_w: (N, 4) wxyz, unit.
             cameras: C cameras of one resolution.
             channels: any of `CHANNELS`; what is not asked for is not computed.
+            out: an earlier result to write into: saves the time that new memory takes.
+            threads: how many to use; the images do not depend on it. Pictures use one.
 
         Raises:
             UnknownNameError: no such channel.
-            ConfigError: no camera, or cameras of different resolutions.
-            StateError: poses of the wrong shape, for too few bodies, or not finite.
+            ConfigError: no camera, cameras of different resolutions, or fewer threads than one.
+            StateError: poses of the wrong shape, for too few bodies, or not finite; an `out` that does not fit.
         """
-        for channel in channels:
-            if channel not in CHANNELS:
-                raise UnknownNameError("image channel", channel, CHANNELS)
-        height, width = _common_resolution(cameras)
-        positions, rotations = self._poses(body_positions_w, body_quaternions_w)
-        soup = self.soup
-        transform_vertices(soup.vertices, soup.vertex_pose, rotations, positions, self._world)
-        images = {name: _blank(name, (len(cameras), height, width)) for name in CHANNELS if name in channels}
-        surface = surfaces(soup, self._world, rotations)
-        if self._picture is not None and "rgb" in images:
-            self._picture.draw_shadow_maps(self._world)
-        for i, camera in enumerate(cameras):
-            self._render_camera(camera, surface, {name: image[i] for name, image in images.items()})
-        return Images(images)
-
-    def _render_camera(self, camera: Camera, surface: Surfaces, images: dict[str, np.ndarray]) -> None:
-        """Fill one camera's images: geometry from one sample per pixel, pictures from several."""
-        rgb = images.pop("rgb", None)
-        if images or self._picture is None:
-            view, inverse_depth, triangle = self._draw(camera, 1)
-            for name, image in images.items():
-                self._resolve(name, view, inverse_depth, triangle, image)
-            if rgb is not None and self._picture is None:
-                shade_fast(surface, view, self._lights, self._plain, inverse_depth, triangle, self._planes, rgb)
-        if rgb is not None and self._picture is not None:
-            samples = self.config.samples_per_axis
-            view, _, triangle = self._draw(camera, samples)
-            self._picture.shade(surface, view, samples, triangle, rgb)
-
-    def _poses(self, positions_w: Any, quaternions_w: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Checked poses of the world and all bodies: (N + 1, 3) and (N + 1, 3, 3)."""
-        positions_w = np.asarray(positions_w, dtype=np.float64)
-        quaternions_w = np.asarray(quaternions_w, dtype=np.float64)
+        check_channels(channels)
+        resolution = common_resolution(cameras)
+        positions_w = np.asarray(body_positions_w, dtype=np.float64)
+        quaternions_w = np.asarray(body_quaternions_w, dtype=np.float64)
         count = len(positions_w) if positions_w.ndim else 0
         if positions_w.shape != (count, 3) or quaternions_w.shape != (count, 4):
             raise StateError(
                 f"poses must have shapes (N, 3) and (N, 4), not {positions_w.shape} and {quaternions_w.shape}"
             )
+        poses = self._poses(positions_w[None], quaternions_w[None])
+        images = allocate_images(channels, (len(cameras), *resolution), out)
+        self._draw(poses, views_of(cameras), len(cameras), images, resolution, threads)
+        return images
+
+    def render_batch(
+        self,
+        body_positions_w: Any,
+        body_quaternions_w: Any,
+        cameras: CameraBatch | Sequence[Sequence[Camera]],
+        channels: Sequence[str] = ("rgb",),
+        out: Images | None = None,
+        threads: int = 1,
+    ) -> Images:
+        """Draw the scene in B states, in parallel over states and cameras.
+
+        Args:
+            body_positions_w: (B, N, 3) metres.
+            body_quaternions_w: (B, N, 4) wxyz, unit.
+            cameras: C cameras for each of B states.
+            channels: as in `render`.
+            out: as in `render`.
+            threads: as in `render`.
+
+        Returns:
+            Images with shapes (B, C, H, W, ...).
+
+        Raises:
+            UnknownNameError: as in `render`, as the next two.
+            ConfigError: also: a different number of cameras for each state.
+            StateError: also: a different number of poses and camera sets.
+        """
+        check_channels(channels)
+        positions_w = np.asarray(body_positions_w, dtype=np.float64)
+        quaternions_w = np.asarray(body_quaternions_w, dtype=np.float64)
+        shape = positions_w.shape
+        if len(shape) != 3 or shape[2] != 3 or quaternions_w.shape != (*shape[:2], 4):
+            raise StateError(
+                f"poses must have shapes (B, N, 3) and (B, N, 4), not {shape} and {quaternions_w.shape}"
+            )
+        views, (sets, per_set), resolution = _batch_views(cameras)
+        if sets != shape[0]:
+            raise StateError(f"poses of {shape[0]} environments given, and cameras for {sets}")
+        images = allocate_images(channels, (sets, per_set, *resolution), out)
+        self._draw(self._poses(positions_w, quaternions_w), views, per_set, images, resolution, threads)
+        return images
+
+    def _draw(
+        self, poses: Poses, views: Views, cameras: int, images: Images, resolution: tuple[int, int], threads: int
+    ) -> None:
+        """Fill the images: geometry and fast colours in one pass, pictures in a second, from several samples."""
+        if threads < 1:
+            raise ConfigError(f"threads must be at least 1, not {threads}")
+        leave_out = ("rgb",) if self._picture is not None else ()
+        if set(images.channels) - set(leave_out):
+            out = as_kernel_channels(images, leave_out)
+            with announce_compilation("the rasteriser"):
+                self._draw_views(poses, views, cameras, out, resolution, min(threads, len(views.positions)))
+        if self._picture is not None and "rgb" in images.channels:
+            rgb = images.rgb.reshape(-1, *images.rgb.shape[-3:])
+            with announce_compilation("the shader of pictures"):
+                self._draw_pictures(self._picture, poses, views, cameras, rgb)
+
+    def _draw_views(
+        self, poses: Poses, views: Views, cameras: int, out: Channels, resolution: tuple[int, int], threads: int
+    ) -> None:
+        count = len(views.positions)
+        has_floor, plain = self.config.floor.enabled, self._plain_rows(resolution[1])
+        # whole environments, as long as that keeps all threads busy
+        chunk = count if threads == 1 else cameras if count >= 2 * threads * cameras else 1
+        pending: Iterator[int] = iter(range(0, count, chunk))  # each thread takes the next when it is done
+
+        def work(scratch: Scratch) -> None:
+            for first in pending:
+                last = min(first + chunk, count)
+                render_views(
+                    first, last, cameras, self._tables, poses, views, self._lights, plain, has_floor, scratch, out
+                )
+
+        own, *others = self._scratches(resolution, threads)
+        futures = [self._workers(threads).submit(work, scratch) for scratch in others]
+        work(own)
+        for future in futures:
+            future.result()
+
+    def _draw_pictures(
+        self, picture: PictureShader, poses: Poses, views: Views, cameras: int, rgb: np.ndarray
+    ) -> None:
+        samples = self.config.samples_per_axis
+        height, width = rgb.shape[1] * samples, rgb.shape[2] * samples
+        scratch = self._scratches((height, width), 1)[0]
+        world = np.empty_like(self.soup.vertices)
+        buffers = scratch.inverse_depth, scratch.triangle
+        for k in range(len(rgb)):
+            env = k // cameras
+            positions, rotations = poses.positions[env], poses.rotations[env]
+            if k % cameras == 0:
+                transform_vertices(self.soup.vertices, self.soup.vertex_pose, rotations, positions, world)
+                picture.draw_shadow_maps(world)
+            lens = views.lenses[k] * np.array([samples, samples, samples, 1.0, 1.0])
+            view = View(views.positions[k], views.rotations[k], lens)
+            fill_background(*view, self.config.floor.enabled, *buffers)
+            geometry = scratch.camera, scratch.projected, scratch.candidates
+            draw_geoms(self._tables, positions, rotations, view, *geometry, *buffers)
+            picture.shade(surfaces(self.soup, world, rotations), view, samples, scratch.triangle, rgb[k])
+
+    def _poses(self, positions_w: np.ndarray, quaternions_w: np.ndarray) -> Poses:
+        """Checked poses (B, N, 3) and (B, N, 4) of the world and all bodies."""
+        envs, count = positions_w.shape[:2]
         if count < self.soup.body_count:
             raise StateError(
                 f"poses of {count} bodies given; the visuals name bodies up to {self.soup.body_count - 1}"
             )
-        finite = np.isfinite(positions_w).all(axis=1) & np.isfinite(quaternions_w).all(axis=1)
-        if not finite.all():
-            raise StateError(f"the pose of body {int(np.argmin(finite))} is not finite")
-        positions, rotations = np.zeros((count + 1, 3)), np.empty((count + 1, 3, 3))
-        positions[1:] = positions_w
-        rotations[0] = np.eye(3)
-        rotations[1:] = quat_to_matrix(quaternions_w)
-        return positions, rotations
+        poses = Poses(np.empty((envs, count + 1, 3)), np.empty((envs, count + 1, 3, 3)))
+        bad = pose_matrices(np.ascontiguousarray(positions_w), np.ascontiguousarray(quaternions_w), *poses)
+        if bad >= 0:
+            where = f" in environment {bad // count}" if envs > 1 else ""
+            raise StateError(f"the pose of body {bad % count} is not finite{where}")
+        return poses
 
-    def _draw(self, camera: Camera, samples_per_axis: int) -> tuple[View, np.ndarray, np.ndarray]:
-        """Rasterise; the buffers are valid until the next call."""
-        shape = camera.height * samples_per_axis, camera.width * samples_per_axis
-        if shape not in self._buffers:
-            self._buffers[shape] = np.empty(shape, dtype=np.float32), np.empty(shape, dtype=np.int32)
-        inverse_depth, triangle = self._buffers[shape]
-        view = View(camera.position_w, camera.rotation_w, camera.lens(samples_per_axis))
-        fill_background(*view, self.config.floor.enabled, inverse_depth, triangle)
-        project_perspective(self._world, *view, self._projected)
-        faces, two_sided = self.soup.faces, self.soup.face_two_sided
-        rasterise(self._world, self._projected, faces, two_sided, True, *view, inverse_depth, triangle)
-        return view, inverse_depth, triangle
+    def _scratches(self, resolution: tuple[int, int], count: int) -> list[Scratch]:
+        known = self._scratch.setdefault(resolution, [])
+        while len(known) < count:
+            known.append(allocate_scratch(self._tables, *resolution))
+        return known[:count]
 
-    def _resolve(
-        self, name: str, view: View, inverse_depth: np.ndarray, triangle: np.ndarray, out: np.ndarray
-    ) -> None:
-        if name == "depth":
-            resolve_depth(inverse_depth, triangle, out)
-        elif name == "position_w":
-            resolve_position(inverse_depth, triangle, *view, out)
-        else:
-            resolve_ids(triangle, self.soup.face_geom if name == "geom" else self._face_body_id, out)
+    def _workers(self, threads: int) -> ThreadPoolExecutor:
+        if self._pool is None or self._pool_size < threads - 1:
+            self._pool_size = threads - 1
+            self._pool = ThreadPoolExecutor(self._pool_size, thread_name_prefix="artiskill-render")
+        return self._pool
 
-    def _plain_colours(self) -> np.ndarray:
+    def _plain_rows(self, width: int) -> np.ndarray:
+        """(2, W, 3) uint8 a row of background and a row of floor."""
+        if width not in self._plain:
+            self._plain[width] = np.ascontiguousarray(np.repeat(self._plain_colours[:, None], width, axis=1))
+        return self._plain[width]
+
+    def _display_plain_colours(self) -> np.ndarray:
         """(2, 3) uint8 display colours of background and floor where they are not shaded per pixel."""
         light = self._lights
         received = irradiance((0.0, 0.0, 1.0), 1.0, 1.0, light)
@@ -195,17 +236,18 @@ class Renderer:
         return np.array(table).round().astype(np.uint8)
 
 
-def _common_resolution(cameras: Sequence[Camera]) -> tuple[int, int]:
-    resolutions = {(camera.height, camera.width) for camera in cameras}
-    if len(resolutions) != 1:
-        sizes = ", ".join(f"{w} x {h}" for h, w in sorted(resolutions)) or "no camera"
-        raise ConfigError(f"render needs cameras of one resolution, not {sizes}")
-    return resolutions.pop()
-
-
-def _blank(channel: str, shape: tuple[int, int, int]) -> np.ndarray:
-    if channel == "rgb":
-        return np.empty((*shape, 3), dtype=np.uint8)
-    if channel == "position_w":
-        return np.empty((*shape, 3), dtype=np.float32)
-    return np.empty(shape, dtype=np.float32 if channel == "depth" else np.int32)
+def _batch_views(
+    cameras: CameraBatch | Sequence[Sequence[Camera]],
+) -> tuple[Views, tuple[int, int], tuple[int, int]]:
+    """Cameras as arrays, their numbers (B, C) and their resolution (H, W)."""
+    if isinstance(cameras, CameraBatch):
+        sets, per_set = cameras.positions_w.shape[:2]
+        if not per_set:
+            raise ConfigError("render needs cameras of one resolution, not no camera")
+        return cameras.views, (sets, per_set), (cameras.height, cameras.width)
+    sizes = {len(one) for one in cameras}
+    if len(sizes) != 1:
+        raise ConfigError(f"every environment needs the same number of cameras, not {sorted(sizes)}")
+    flat = [camera for one in cameras for camera in one]
+    resolution = common_resolution(flat)
+    return views_of(flat), (len(cameras), sizes.pop()), resolution

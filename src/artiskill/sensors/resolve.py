@@ -1,9 +1,47 @@
-"""Kernels from the two buffers to depth, world positions and ids."""
+"""Kernels from the two buffers of a view to depth, world positions and ids."""
+
+from typing import NamedTuple
 
 import numpy as np
 
 from artiskill.geometry.kernel import Array, kernel
+from artiskill.sensors.lighting import View
 from artiskill.sensors.rasterise import NOTHING
+from artiskill.sensors.scene_tables import SceneTables
+
+Single = tuple[np.float32, np.float32, np.float32]
+
+
+class Channels(NamedTuple):
+    """Images of K views; one that was not asked for has no elements.
+
+    `rgb` (K, H, W, 3) uint8, `depth` (K, H, W) float32, `position_w` (K, H, W, 3) float32, `geom`, `body` and
+    `part` (K, H, W) int32.
+    """
+
+    rgb: Array
+    depth: Array
+    position_w: Array
+    geom: Array
+    body: Array
+    part: Array
+
+
+@kernel
+def resolve_geometry(
+    k: int, scene: SceneTables, view: View, inverse_depth: Array, triangle: Array, out: Channels
+) -> None:
+    """Write all channels of view k but its colours, those that were asked for."""
+    if out.depth.size > 0:
+        resolve_depth(inverse_depth, triangle, out.depth[k])
+    if out.position_w.size > 0:
+        resolve_position(inverse_depth, triangle, view, out.position_w[k])
+    if out.geom.size > 0:
+        resolve_geom(triangle, scene.face_geom, out.geom[k])
+    if out.body.size > 0:
+        resolve_ids(triangle, scene.face_geom, scene.geom_body_id, out.body[k])
+    if out.part.size > 0:
+        resolve_ids(triangle, scene.face_geom, scene.geom_part, out.part[k])
 
 
 @kernel
@@ -16,30 +54,53 @@ def resolve_depth(inverse_depth: Array, triangle: Array, depth: Array) -> None:
 
 
 @kernel
-def resolve_position(
-    inverse_depth: Array, triangle: Array, position: Array, rotation: Array, lens: Array, position_w: Array
-) -> None:
-    """World position of what each pixel sees, metres, 0 where nothing is."""
-    per_px = 1.0 / lens[0]
+def resolve_position(inverse_depth: Array, triangle: Array, view: View, position_w: Array) -> None:
+    """World position of what each pixel sees, metres, 0 where nothing is; double precision once per row."""
+    r, per_px = view.rotation, 1.0 / view.lens[0]
+    eye = (np.float32(view.position[0]), np.float32(view.position[1]), np.float32(view.position[2]))
+    step = (np.float32(r[0, 0] * per_px), np.float32(r[1, 0] * per_px), np.float32(r[2, 0] * per_px))
+    right = (0.5 - view.lens[1]) * per_px
     for row in range(triangle.shape[0]):
-        up = (lens[2] - 0.5 - row) * per_px
-        # the ray through column 0, and what one column adds
-        ray_x = rotation[0, 1] * up - rotation[0, 2] + rotation[0, 0] * (0.5 - lens[1]) * per_px
-        ray_y = rotation[1, 1] * up - rotation[1, 2] + rotation[1, 0] * (0.5 - lens[1]) * per_px
-        ray_z = rotation[2, 1] * up - rotation[2, 2] + rotation[2, 0] * (0.5 - lens[1]) * per_px
-        step_x, step_y, step_z = rotation[0, 0] * per_px, rotation[1, 0] * per_px, rotation[2, 0] * per_px
-        for column in range(triangle.shape[1]):
-            seen = 1.0 if triangle[row, column] != NOTHING else 0.0
-            z = seen / np.float64(inverse_depth[row, column])
-            position_w[row, column, 0] = np.float32(z * (ray_x + column * step_x) + seen * position[0])
-            position_w[row, column, 1] = np.float32(z * (ray_y + column * step_y) + seen * position[1])
-            position_w[row, column, 2] = np.float32(z * (ray_z + column * step_z) + seen * position[2])
+        up = (view.lens[2] - 0.5 - row) * per_px
+        ray = (
+            np.float32(r[0, 0] * right + r[0, 1] * up - r[0, 2]),
+            np.float32(r[1, 0] * right + r[1, 1] * up - r[1, 2]),
+            np.float32(r[2, 0] * right + r[2, 1] * up - r[2, 2]),
+        )
+        row_of_positions(inverse_depth[row], triangle[row], eye, ray, step, position_w[row].reshape(-1))
 
 
 @kernel
-def resolve_ids(triangle: Array, table: Array, ids: Array) -> None:
-    """An id per pixel from a table with one entry per face; `NOTHING` and `FLOOR` stand for themselves."""
+def row_of_positions(
+    inverse_depth: Array, triangle: Array, eye: Single, ray: Single, step: Single, position_w: Array
+) -> None:
+    """Positions (3 W,) of a row: a flat loop, which the compiler turns into vector instructions.
+
+    `eye` is where all rays begin, `ray` the direction of column 0 of length 1 along the optical axis, `step` what
+    one column adds to it.
+    """
+    for column in range(triangle.shape[0]):
+        seen = np.float32(1.0) if triangle[column] != NOTHING else np.float32(0.0)
+        z = seen / inverse_depth[column]
+        x = np.float32(column)
+        position_w[3 * column] = z * (ray[0] + x * step[0]) + seen * eye[0]
+        position_w[3 * column + 1] = z * (ray[1] + x * step[1]) + seen * eye[1]
+        position_w[3 * column + 2] = z * (ray[2] + x * step[2]) + seen * eye[2]
+
+
+@kernel
+def resolve_geom(triangle: Array, face_geom: Array, ids: Array) -> None:
+    """The visual each pixel shows; `NOTHING` and `FLOOR` stand for themselves."""
     for row in range(triangle.shape[0]):
         for column in range(triangle.shape[1]):
             t = triangle[row, column]
-            ids[row, column] = table[t] if t >= 0 else t
+            ids[row, column] = face_geom[t] if t >= 0 else t
+
+
+@kernel
+def resolve_ids(triangle: Array, face_geom: Array, table: Array, ids: Array) -> None:
+    """An id per pixel from a table with one entry per visual; `NOTHING` and `FLOOR` stand for themselves."""
+    for row in range(triangle.shape[0]):
+        for column in range(triangle.shape[1]):
+            t = triangle[row, column]
+            ids[row, column] = table[face_geom[t]] if t >= 0 else t

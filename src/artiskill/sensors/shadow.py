@@ -7,7 +7,7 @@ import numpy as np
 
 from artiskill.geometry.kernel import Array, Point, kernel
 from artiskill.sensors.lighting import dot3
-from artiskill.sensors.rasterise import project_affine, rasterise
+from artiskill.sensors.orthographic import draw_heights, project_affine
 from artiskill.sensors.triangle_soup import TriangleSoup
 
 # the map's side grows in such steps, so that a moving scene does not change the size of its texels all the time
@@ -61,10 +61,7 @@ class ShadowPass:
             return ShadowMap(np.zeros((3, 4)), self._heights, 1.0, 1, 0.0)
         matrix, texel_m = self._fit(world)
         project_affine(world, matrix, self._projected)
-        soup = self._soup
-        unused = np.zeros(3), self._axes, np.ones(5)  # no height is 0 or less: nothing is clipped
-        buffers = self._heights, self._triangle
-        rasterise(world, self._projected, soup.faces, soup.face_two_sided, False, *unused, *buffers)
+        draw_heights(self._projected, self._soup.faces, self._heights, self._triangle)
         filter_texels = min(max(round(self._softness_m / texel_m), 1), _MAX_FILTER_TEXELS)
         return ShadowMap(matrix, self._heights, texel_m, filter_texels, _BIAS_TEXELS * texel_m + _BIAS_M)
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from artiskill.geometry.kernel import Array, Point, kernel
 from artiskill.sensors.lighting import Surfaces, View, cross3, dot3
-from artiskill.sensors.shade_fast import world_normal
+from artiskill.sensors.shade_fast import turned_normal
 from artiskill.sensors.texture import bilinear
 
 
@@ -55,7 +55,7 @@ def surface_attributes(
             b0 * n[0, 2] + b1 * n[1, 2] + b2 * n[2, 2],
         )
         side = -1.0 if det > 0.0 else 1.0  # seen from behind: light the back
-        normal = world_normal(surface.rotations[surface.face_body[t] + 1], mixed, side)
+        normal = turned_normal(surface.rotations, surface.face_body[t] + 1, mixed, side)
         geom = surface.face_geom[t]
         u, v = b0 * uv[0, 0] + b1 * uv[1, 0] + b2 * uv[2, 0], b0 * uv[0, 1] + b1 * uv[1, 1] + b2 * uv[2, 1]
         texel = bilinear(surface.textures[geom], surface.texels, u, v, decode)

@@ -6,12 +6,11 @@ from artiskill.geometry.kernel import Array, Point, kernel
 
 
 @kernel
-def texel_row(texture: Array, u: float, v: float) -> int:
-    """Row of the texel table nearest to (u, v) of a texture (first texel, height, width).
+def texel_row(first: int, height: int, width: int, u: float, v: float) -> int:
+    """Row of the texel table nearest to (u, v) of a texture with its first texel there.
 
     Images repeat, v points up.
     """
-    first, height, width = texture[0], texture[1], texture[2]
     return first + wrapped((1.0 - v) * height, height) * width + wrapped(u * width, width)
 
 

@@ -43,6 +43,11 @@ class TriangleSoup:
         materials: (G, 4) float64 linear red, green, blue and the shininess, all in [0, 1].
         textures: (G, 3) int64 first texel, height and width of the visual's texture; height 0 means none.
         texels: (T, 3) uint8 sRGB, all textures row by row, the top row first.
+        geom_vertices: (G + 1,) int64 first vertex of each visual, and V.
+        geom_faces: (G + 1,) int64 first face of each visual, and F.
+        geom_body: (G,) int32 index of the body, -1 where fixed to the world.
+        geom_part: (G,) int32 index of the visual's part in `part_names`.
+        part_names: (P,) names of parts, sorted.
         body_count: one more than the largest body index.
     """
 
@@ -57,6 +62,11 @@ class TriangleSoup:
     materials: np.ndarray
     textures: np.ndarray
     texels: np.ndarray
+    geom_vertices: np.ndarray
+    geom_faces: np.ndarray
+    geom_body: np.ndarray
+    geom_part: np.ndarray
+    part_names: tuple[str, ...]
     body_count: int
 
 
@@ -81,6 +91,7 @@ def build_triangle_soup(
     vertex_counts = [len(m.vertices) for m in meshes]
     face_counts = [len(m.faces) for m in meshes]
     offsets = np.cumsum([0, *vertex_counts])
+    part_names = tuple(sorted({item.visual.part for item in visuals}))
     face_geom = np.repeat(np.arange(len(meshes), dtype=np.int32), face_counts)
     textures, texels = _pack_textures(visuals, max_texture_px)
     return TriangleSoup(
@@ -99,6 +110,11 @@ def build_triangle_soup(
         ),
         textures=textures,
         texels=texels,
+        geom_vertices=offsets.astype(np.int64),
+        geom_faces=np.cumsum([0, *face_counts]).astype(np.int64),
+        geom_body=bodies,
+        geom_part=np.array([part_names.index(item.visual.part) for item in visuals], dtype=np.int32),
+        part_names=part_names,
         body_count=int(bodies.max(initial=-1)) + 1,
     )
 

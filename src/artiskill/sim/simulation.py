@@ -2,12 +2,13 @@
 
 import copy
 from collections.abc import Sequence
+from dataclasses import fields
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from artiskill.errors import StateError
+from artiskill.errors import DivergedError, StateError
 from artiskill.scene.scene import Scene
 from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import InitialState, SimulationState
@@ -74,12 +75,27 @@ class Simulation:
         return np.where(is_position, robot_qpos, 0.0)
 
     def step(self, targets: np.ndarray) -> None:
-        """One environment step of all environments with constant drive targets (B, R)."""
+        """One environment step of all environments with constant drive targets (B, R).
+
+        Raises:
+            DivergedError: the engine warned that a state is not finite, or that it ran out of memory. It would
+                otherwise start such an environment over, silently.
+        """
         bodies = self.scene.index.object_bodies
         self._previous_position[:] = self._xpos[:, bodies]
         self._previous_quaternion[:] = self._xquat[:, bodies]
         self._ctrl[:] = targets
         self._batch.step(nstep=self.scene.physics.physics_steps_per_step, stage=_CURRENT)
+        if self._batch.warning[..., 1].any():
+            self._raise_diverged()
+
+    def _raise_diverged(self) -> None:
+        envs, kinds = np.nonzero(self._batch.warning[..., 1])
+        said = sorted({mujoco.mjtWarning(int(kind)).name.removeprefix("mjWARN_") for kind in kinds})
+        raise DivergedError(
+            f"the physics of {self.scene.object.id!r} diverged in environments {sorted({int(e) for e in envs})} "
+            f"({', '.join(said)}); reset them before stepping on"
+        )
 
     def snapshot(self) -> Snapshot:
         """What is true now; the arrays are copies."""
@@ -119,7 +135,8 @@ class Simulation:
             joint_damping=damping,
             previous_link_position_w=self._previous_position.copy(),
             previous_link_quaternion_w=self._previous_quaternion.copy(),
-            model_name=self.scene.object.id,
+            object_hash=self.scene.object.content_hash,
+            physics=self.scene.physics,
         )
 
     def restore(self, state: SimulationState) -> None:
@@ -128,11 +145,7 @@ class Simulation:
         Raises:
             StateError: the state comes from another scene or batch size.
         """
-        if state.rows.shape != self._batch.state.shape or state.model_name != self.scene.object.id:
-            raise StateError(
-                f"this state has shape {state.rows.shape} and belongs to object {state.model_name!r}; "
-                f"the simulation has {self._batch.state.shape} and {self.scene.object.id!r}"
-            )
+        self.check_state(state)
         for i in range(self.num_envs):
             self._set_parameters(i, state.joint_friction[i], state.joint_damping[i])
         self._batch.set_models(self._models)
@@ -140,6 +153,28 @@ class Simulation:
         self._batch.forward(stage=_CURRENT)
         self._previous_position[:] = state.previous_link_position_w
         self._previous_quaternion[:] = state.previous_link_quaternion_w
+
+    def check_state(self, state: SimulationState) -> None:
+        """See whether `restore` would take a state; nothing is changed.
+
+        Raises:
+            StateError: it comes from another scene, physics configuration or batch size, or is not finite.
+        """
+        ours = self.save()
+        if (state.object_hash, state.physics) != (ours.object_hash, ours.physics):
+            which = "object" if state.object_hash != ours.object_hash else "physics configuration"
+            raise StateError(
+                f"this state belongs to another {which} than the simulation of {self.scene.object.id!r}"
+            )
+        for f in fields(SimulationState):
+            mine, given = getattr(ours, f.name), getattr(state, f.name)
+            if not isinstance(mine, np.ndarray):
+                continue
+            if not isinstance(given, np.ndarray) or given.shape != mine.shape:
+                shape = getattr(given, "shape", type(given).__name__)
+                raise StateError(f"a state of {self.scene.object.id!r} has {f.name} of {mine.shape}, not {shape}")
+            if not np.isfinite(given).all():
+                raise StateError(f"this state's {f.name} has numbers that are not finite")
 
     def _set_parameters(self, env: int, friction: np.ndarray, damping: np.ndarray) -> None:
         joints = self.scene.index.object_joints

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from artiskill.scene.physics import PhysicsConfig
+
 
 @dataclass(frozen=True, eq=False)
 class InitialState:
@@ -34,7 +36,8 @@ class SimulationState:
         joint_damping: (B, J).
         previous_link_position_w: (B, L, 3).
         previous_link_quaternion_w: (B, L, 4).
-        model_name: which scene it belongs to.
+        object_hash: `ArticulatedObject.content_hash` of its object.
+        physics: the configuration that it was simulated with.
     """
 
     rows: np.ndarray
@@ -42,4 +45,5 @@ class SimulationState:
     joint_damping: np.ndarray
     previous_link_position_w: np.ndarray
     previous_link_quaternion_w: np.ndarray
-    model_name: str
+    object_hash: str
+    physics: PhysicsConfig

@@ -80,6 +80,14 @@ def write_robot(snapshot: Snapshot, out: Array) -> None:
         start += value.shape[1]
 
 
+def observe_robot(snapshot: Snapshot) -> Array:
+    """The numbers of `robot_fields` alone, (B, robot_size) float32."""
+    xp = namespace(snapshot.robot_qpos)
+    values = xp.zeros((snapshot.robot_qpos.shape[0], robot_size(snapshot)), dtype=xp.float32)
+    write_robot(snapshot, values)
+    return values
+
+
 def field_bounds(fields: tuple[ObservationField, ...]) -> np.ndarray:
     """The largest absolute value of each number, (D,) float32."""
     return np.concatenate([np.full(f.size, f.bound, dtype=np.float32) for f in fields])

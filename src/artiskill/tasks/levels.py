@@ -15,11 +15,13 @@ class Stream(IntEnum):
     OBJECT = 0
     TARGET = 1
     INITIAL_STATE = 2
+    POINTS = 3
 
 
-def level_generator(level: int, stream: Stream) -> np.random.Generator:
-    """The generator of one stream of a level."""
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(level, spawn_key=(int(stream),))))
+def level_generator(level: int, stream: Stream, *instant: int) -> np.random.Generator:
+    """The generator of one stream of a level, or of one instant of it, given by its number of steps."""
+    seed = np.random.SeedSequence(level, spawn_key=(int(stream), *instant))
+    return np.random.Generator(np.random.PCG64(seed))
 
 
 def check_level(level: object) -> int:

@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from artiskill.config import CONFIG_DIR, load_config
-from artiskill.errors import UnknownNameError
-from artiskill.tasks.task import Task
+from artiskill.errors import ConfigError, UnknownNameError
+
+if TYPE_CHECKING:  # importing it would bring the engine in
+    from artiskill.tasks.task import Task
 
 # name -> (file stem of its YAML, module, configuration class, assembly); imported when the task is made, because
 # importing the package registers all names and should stay light
@@ -18,6 +20,8 @@ _TASKS = {
         "make_open_cabinet",
     ),
 }
+# keys that make a task the one of this name
+_FIXED = {"name", "motion"}
 
 
 def task_names() -> tuple[str, ...]:
@@ -25,7 +29,7 @@ def task_names() -> tuple[str, ...]:
     return tuple(_TASKS)
 
 
-def make_task(name: str, overrides: Mapping[str, Any] | None = None) -> Task:
+def make_task(name: str, overrides: Mapping[str, Any] | None = None) -> "Task":
     """Assemble a task from its YAML.
 
     Args:
@@ -38,6 +42,12 @@ def make_task(name: str, overrides: Mapping[str, Any] | None = None) -> Task:
     """
     if name not in _TASKS:
         raise UnknownNameError("task", name, _TASKS)
+    if overrides is not None and not isinstance(overrides, Mapping):
+        raise ConfigError(f"config must be a mapping of keys to values, not {overrides!r}")
+    for key in _FIXED & set(overrides or {}):
+        raise ConfigError(
+            f"{key!r} is what makes {name} this task and cannot be changed; make another task instead"
+        )
     stem, module_name, config_class, make = _TASKS[name]
     module = import_module(module_name)
     config = load_config(getattr(module, config_class), CONFIG_DIR / "tasks" / f"{stem}.yaml", overrides)

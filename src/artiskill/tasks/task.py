@@ -10,6 +10,8 @@ from artiskill.assets.articulated_object import ArticulatedObject, Category
 from artiskill.geometry.arrays import Array
 from artiskill.robots.config import RobotConfig
 from artiskill.scene.physics import PhysicsConfig
+from artiskill.scene.scene import Scene
+from artiskill.sensors.panorama import CamerasConfig
 from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import InitialState
 from artiskill.tasks.fields import ObservationField
@@ -33,11 +35,15 @@ class Task:
         targets: object -> legal target links (possibly none), in a fixed order.
         make_goal: (object, target) -> goal with B = 1.
         sample_initial_state: (object, generator) -> where an episode starts.
+        flag_names: the conditions of success.
         flags: (snapshot, goal) -> name -> (B,) bool, each condition as it is at this instant.
         reward_terms: (snapshot, goal, flags) -> name -> (B,) unweighted terms of the dense reward.
         reward_weights: name -> weight; the dense reward is the weighted sum.
         observe_state: (snapshot, goal) -> (B, D) float32.
         state_fields: what the D numbers are.
+        cameras: what the robot sees through.
+        mask_names: of the k masks that come with what it sees.
+        masks: (scene, target) -> (k, G) bool, which of `Scene.visuals` belong to each mask.
     """
 
     name: str
@@ -50,8 +56,12 @@ class Task:
     targets: Callable[[ArticulatedObject], tuple[str, ...]]
     make_goal: Callable[[ArticulatedObject, str], Goal]
     sample_initial_state: Callable[[ArticulatedObject, np.random.Generator], InitialState]
+    flag_names: tuple[str, ...]
     flags: Callable[[Snapshot, Goal], Flags]
     reward_terms: Callable[[Snapshot, Goal, Flags], dict[str, Array]]
     reward_weights: Mapping[str, float]
     observe_state: Callable[[Snapshot, Goal], Array]
     state_fields: tuple[ObservationField, ...]
+    cameras: CamerasConfig
+    mask_names: tuple[str, ...]
+    masks: Callable[[Scene, str], np.ndarray]

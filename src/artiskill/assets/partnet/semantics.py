@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from artiskill.assets.articulated_object import Category
+from artiskill.assets.handles import is_handle_part
 from artiskill.assets.partnet.urdf import UrdfMesh
 from artiskill.errors import AssetError
 
 UNKNOWN = "unknown"
-# Words of a part's name that make it something to grip.
-HANDLE_WORDS = frozenset({"handle", "knob"})
 CATEGORY_OF: dict[str, Category] = {"StorageFurniture": "cabinet", "Chair": "chair", "Bucket": "bucket"}
 
 _NAME_AND_ID = re.compile(r"^(?P<name>.+)-(?P<id>\d+)$")
@@ -29,7 +28,7 @@ class PartLabel:
     @property
     def is_handle(self) -> bool:
         """Whether the part is something to grip."""
-        return not HANDLE_WORDS.isdisjoint(self.name.lower().split("_"))
+        return is_handle_part(self.name)
 
 
 class PartNames:

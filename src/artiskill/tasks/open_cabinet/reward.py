@@ -5,6 +5,7 @@ the package, any state of a later stage earns more than any state of an earlier 
 term that a stage does not ask for takes a fixed value there.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from artiskill.config import check
+from artiskill.config import check, check_positive, check_value, check_vector
 from artiskill.geometry.arrays import Array, clamp, columns, greatest, namespace
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet.goal import OpenGoal
@@ -79,6 +80,10 @@ class RewardConfig:
             list(self.stage_bonus) == sorted(set(self.stage_bonus)),
             f"reward.stage_bonus needs {_STAGES} rising numbers, not {list(self.stage_bonus)}",
         )
+        check_positive(self, "close_distance_m")
+        check_vector(self, "stage_bonus", size=_STAGES)
+        finite = all(map(math.isfinite, self.weights.values()))
+        check_value(self, "weights", finite, "must be finite numbers")
         unknown = sorted(set(self.weights) - set(TERMS))
         check(not unknown, f"reward.weights: unknown terms {unknown}; legal: {', '.join(TERMS)}")
 

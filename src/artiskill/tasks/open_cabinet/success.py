@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 
-from artiskill.config import check
+from artiskill.config import check_not_negative, check_value
 from artiskill.geometry.arrays import Array
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet.goal import OpenGoal
+
+FLAG_NAMES = ("open_enough", "cabinet_static")
 
 
 @dataclass(frozen=True)
@@ -25,12 +27,12 @@ class SuccessConfig:
     hold_s: float
 
     def __post_init__(self) -> None:
-        check(0 < self.open_fraction <= 1, f"success.open_fraction must lie in (0, 1], not {self.open_fraction}")
-        check(self.hold_s >= 0, f"success.hold_s must not be negative, not {self.hold_s}")
+        check_value(self, "open_fraction", 0 < self.open_fraction <= 1, "must lie in (0, 1]")
+        check_not_negative(self, "max_speed_m_s", "max_angular_speed_rad_s", "hold_s")
 
 
 def open_flags(snapshot: Snapshot, goal: OpenGoal, config: SuccessConfig) -> dict[str, Array]:
-    """`open_enough` and `cabinet_static`, each (B,) bool, at this instant."""
+    """The conditions of `FLAG_NAMES`, each (B,) bool, at this instant."""
     row, link = goal.row, goal.link
     slow = snapshot.link_speed_m_s[row, link] <= config.max_speed_m_s
     turning_slowly = snapshot.link_angular_speed_rad_s[row, link] <= config.max_angular_speed_rad_s

@@ -1,0 +1,70 @@
+"""Gymnasium wrappers for ArtiSkill's environments."""
+
+from typing import Any
+
+import gymnasium as gym
+
+from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.envs.vision import PointCloudObserver
+from artiskill.errors import ConfigError
+from artiskill.sensors.downsample import make_sampler
+
+
+class PointCloudDownsample(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):
+    """Fewer points: a choice of the cloud's, with or without regard to the masks, in a frame of your choice.
+
+    The environment underneath makes only the chosen points from then on, which is faster than choosing from its
+    full cloud; so `restore_state` returns them too. The choice depends on level and step alone: the same instant
+    has the same points, in any process.
+
+    Methods, none of which chooses points of the ground (z <= 1 mm):
+
+    - `maniskill`: as in the benchmark's baselines, 50 points of each mask, then masked ones up to 800, then others
+      up to 1,200 (`points_per_mask`, `masked_points`, `num_points`);
+    - `uniform`: every point alike;
+    - `voxel`: one of each cube of `voxel_m`;
+    - `fps`: farthest point sampling among `candidates_per_point * num_points` random ones.
+
+    Rows of zeros stand at the end where there are too few points.
+
+    Args:
+        env: an environment with `obs_mode="pointcloud"`, wrapped or not, as long as no wrapper below changes
+            observations.
+        method: see above.
+        num_points: rows of `xyz`, `rgb` and `seg`.
+        frame: `world`, `robot` or `end_effector`, see `PointCloudObserver`.
+        **settings: of the method.
+
+    Raises:
+        UnknownNameError: no such method or frame.
+        ConfigError: an illegal setting, another observation mode, or a wrapper below that changes observations.
+    """
+
+    def __init__(
+        self,
+        env: gym.Env[Any, Any],
+        method: str = "maniskill",
+        num_points: int = 1200,
+        frame: str = "world",
+        **settings: Any,
+    ) -> None:
+        gym.utils.RecordConstructorArgs.__init__(
+            self, method=method, num_points=num_points, frame=frame, **settings
+        )
+        gym.Wrapper.__init__(self, env)
+        base = _manipulation_env(env)
+        sampler = make_sampler(method, num_points, settings)
+        base.observe_with(PointCloudObserver(base.task, sampler, frame))
+
+
+def _manipulation_env(env: gym.Env[Any, Any]) -> ManipulationEnv:
+    """The environment at the core, if its observations reach `env` unchanged and are full clouds."""
+    base = env.unwrapped
+    mode = getattr(base, "obs_mode", None)
+    if not isinstance(base, ManipulationEnv) or mode != "pointcloud":
+        raise ConfigError(f"down-sampling needs an environment with obs_mode='pointcloud', not {mode!r} of {env}")
+    if env.observation_space is not base.observation_space:
+        raise ConfigError(f"apply down-sampling before the wrappers that change observations, not to {env}")
+    if base.observation_space != PointCloudObserver(base.task).space:
+        raise ConfigError(f"{env} is down-sampled already")
+    return base

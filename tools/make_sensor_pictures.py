@@ -1,0 +1,99 @@
+"""Make the pictures of docs/observations.md anew: `python tools/make_sensor_pictures.py`.
+
+`--out` writes them elsewhere, `--object` shows another cabinet.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.experts.open_cabinet import OpenCabinetExpert
+from artiskill.sensors.camera import Camera
+from artiskill.sensors.downsample import downsample, make_sampler
+from artiskill.sensors.overlay import draw_points, paint_depth, paint_masks
+
+OBJECT, LEVEL, STEPS = "cabinet-0014", 3, 60
+OUT = Path(__file__).resolve().parents[1] / "docs" / "images"
+GAP_PX = 6
+SAMPLERS = ("maniskill", "voxel", "fps")
+
+
+def beside(pictures: list[np.ndarray]) -> np.ndarray:
+    """Pictures of one height, left to right, with white between them."""
+    gap = np.full((pictures[0].shape[0], GAP_PX, 3), 255, dtype=np.uint8)
+    parts = [part for picture in pictures for part in (picture, gap)]
+    return np.concatenate(parts[:-1], axis=1)
+
+
+def below(pictures: list[np.ndarray]) -> np.ndarray:
+    """Pictures of one width, top to bottom, with white between them."""
+    return beside([picture.swapaxes(0, 1) for picture in pictures]).swapaxes(0, 1)
+
+
+def save(path: Path, picture: np.ndarray) -> None:
+    """As a PNG of 256 colours, a third of the size."""
+    image = Image.fromarray(np.ascontiguousarray(picture))
+    image.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(path, optimize=True)
+    print(f"{path}: {picture.shape[1]} x {picture.shape[0]}, {path.stat().st_size / 1e3:.0f} kB")
+
+
+def reach_out(obs_mode: str, object_id: str) -> tuple[ManipulationEnv, dict]:
+    """An environment in which the expert has opened a drawer part of the way, and what is seen then."""
+    env = ManipulationEnv(objects=object_id, obs_mode=obs_mode)
+    observation, _ = env.reset(seed=LEVEL)
+    expert = OpenCabinetExpert(env.task.robot)
+    expert.reset(env.snapshot, env.goal)
+    for _ in range(STEPS):
+        observation = env.step(expert.act(env.snapshot, env.goal))[0]
+    return env, observation
+
+
+def robot_view(object_id: str) -> np.ndarray:
+    """Rows: colour, depth, masks; columns: the three cameras."""
+    env, observation = reach_out("rgbd", object_id)
+    rgb, depth, seg = (observation["rgbd"][name] for name in ("rgb", "depth", "seg"))
+    rows = []
+    for k in range(env.task.cameras.number):
+        colour, masks = rgb[..., 3 * k : 3 * k + 3], seg[..., 3 * k : 3 * k + 3]
+        rows.append([colour, paint_depth(depth[..., k], 4.0), paint_masks(colour, masks)])
+    return below([beside(list(row)) for row in zip(*rows, strict=True)])
+
+
+def clouds(object_id: str) -> np.ndarray:
+    """The full cloud, in colour and with masks, and what samplers leave of it, from beside the robot."""
+    env, observation = reach_out("pointcloud", object_id)
+    cloud = observation["pointcloud"]
+    x, y = env.snapshot.robot_qpos[0, :2]
+    eye, target = (x - 1.0, y - 1.9, 1.7), (x + 0.65, y + 0.15, 0.5)
+    camera = Camera.look_at(eye, target, width=430, height=330, fov_rad=0.75, far_m=20.0)
+
+    def drawn(xyz: np.ndarray, rgb: np.ndarray, seg: np.ndarray, radius_m: float, opacity: float) -> np.ndarray:
+        there = rgb.any(axis=1)
+        return draw_points(xyz[there], paint_masks(rgb, seg, opacity)[there], camera, radius_m)
+
+    full = [drawn(*cloud.values(), 0.004, opacity) for opacity in (0.0, 0.7)]
+    few = [
+        drawn(*downsample(*cloud.values(), make_sampler(m, 1200), np.random.default_rng(0)).values(), 0.011, 0.7)
+        for m in SAMPLERS
+    ]
+    blank = np.full_like(full[0], 255)
+    assert len(full) + len(few) + 1 == 6
+    return below([beside([*full, few[0]]), beside([few[1], few[2], blank])])
+
+
+def main() -> None:
+    """Draw and save."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--object", default=OBJECT)
+    parser.add_argument("--out", type=Path, default=OUT)
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    save(options.out / "robot_view.png", robot_view(options.object))
+    save(options.out / "point_clouds.png", clouds(options.object))
+
+
+if __name__ == "__main__":
+    main()
