@@ -33,19 +33,21 @@ from artiskill.sensors.shade_fast import shade_fast
 _ALL = ("rgb", "depth", "position_w", "geom")
 _CHANNEL_SETS = (_ALL, ("rgb",), ("depth",), ("position_w",), ("geom",))
 _ENVIRONMENTS = 8
+_TURN = 5
 _COLD = "import benchmarks.sensor as s; import json, sys; print(json.dumps(s.first_picture_s()))"
 
 
 def best_ms(works: dict[str, Callable[[], object]], rounds: int) -> dict[str, float]:
-    """Shortest of several runs of each, in turns, after one that does not count."""
+    """Shortest of several runs of each; turns of a few runs, so that none works in the caches of another."""
     for work in works.values():
         work()
     times: dict[str, list[float]] = {name: [] for name in works}
-    for _ in range(rounds):
+    for _ in range(max(1, rounds // _TURN)):
         for name, work in works.items():
-            start = time.perf_counter()
-            work()
-            times[name].append(time.perf_counter() - start)
+            for _ in range(_TURN):
+                start = time.perf_counter()
+                work()
+                times[name].append(time.perf_counter() - start)
     return {name: 1e3 * min(spent) for name, spent in times.items()}
 
 

@@ -314,7 +314,9 @@ def test_two_processes_give_the_same_bits():
 def test_no_kernel_leaves_its_arrays(root, tmp_path):
     """Numba's bounds check turns a stray index into an error: run this file and the pictures' with it."""
     environment = {**os.environ, "NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path)}
-    tests = [str(root / "tests" / "sensors" / name) for name in ("test_renderer.py", "test_picture.py")]
+    tests = [
+        str(root / "tests" / "sensors" / name) for name in ("test_renderer.py", "test_picture.py", "test_batch.py")
+    ]
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", *tests], env=environment, cwd=root, capture_output=True, text=True
     )

@@ -4,7 +4,7 @@ import numpy as np
 
 from artiskill.sensors.camera import Camera
 
-# Okabe and Ito's (2008) colours, told apart by most people: vermilion, sky blue, green, yellow, blue, orange, purple
+# Okabe and Ito's (2008), told apart by most people: vermilion, sky blue, green, yellow, blue, orange, purple
 MASK_COLOURS = np.array(
     ((213, 94, 0), (86, 180, 233), (0, 158, 115), (240, 228, 66), (0, 114, 178), (230, 159, 0), (204, 121, 167)),
     dtype=np.uint8,
@@ -14,7 +14,7 @@ _GAMMA = 0.6  # spreads the near, which matters more
 
 
 def paint_masks(rgb: np.ndarray, seg: np.ndarray, opacity: float = _OPACITY) -> np.ndarray:
-    """Colours under masks: (..., 3) uint8 and (..., k) bool -> (..., 3) uint8; where masks overlap the first wins."""
+    """Colours under masks, where they overlap the first: (..., 3) uint8 and (..., k) bool -> (..., 3) uint8."""
     painted = rgb.astype(np.float32)
     for k in reversed(range(seg.shape[-1])):
         colour = MASK_COLOURS[k % len(MASK_COLOURS)].astype(np.float32)

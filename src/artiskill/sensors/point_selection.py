@@ -143,19 +143,23 @@ def choose_farthest(xyz: Array, count: int) -> Array:
     size = xyz.shape[0]
     count = min(count, size)
     chosen = np.empty(count, dtype=np.int32)
-    nearest = np.full(size, np.float32(np.inf))  # squared distance to the chosen ones
+    nearest = np.full(size, np.float32(np.inf))  # squared distance to the chosen ones; -1: chosen
+    # floats that are not negative have the order of their bits, whose maximum vector instructions can find
+    bits = nearest.view(np.int32)
     x_all, y_all, z_all = xyz[:, 0].copy(), xyz[:, 1].copy(), xyz[:, 2].copy()
     latest = 0
     for i in range(count):
         chosen[i] = latest
         x, y, z = x_all[latest], y_all[latest], z_all[latest]
         nearest[latest] = np.float32(-1.0)
-        farthest, latest = np.float32(-1.0), 0
         for j in range(size):
             dx, dy, dz = x_all[j] - x, y_all[j] - y, z_all[j] - z
             gap = dx * dx + dy * dy + dz * dz
-            if gap < nearest[j]:
-                nearest[j] = gap
-            if nearest[j] > farthest:
-                farthest, latest = nearest[j], j
+            nearest[j] = gap if gap < nearest[j] else nearest[j]
+        farthest = np.int32(-(2**31))
+        for j in range(size):
+            farthest = max(farthest, bits[j])
+        latest = 0
+        while latest < size - 1 and bits[latest] != farthest:
+            latest += 1
     return chosen

@@ -18,7 +18,7 @@ from artiskill.sensors.texture import texel_row
 
 # what is known of a face in the present view
 _UNSEEN, _SEEN, _CONSTANT, _LINEAR, _TEXTURED = 0, 1, 2, 3, 4
-# a face that covers less than this many pixels gets the mean colour of its corners
+# a face that covers less than this many pixels gets one corner's colour; in a fine mesh the others' hardly differ
 _SMALL_PX = 4.0
 
 Corners = tuple[int, int, int]
@@ -137,20 +137,21 @@ def set_up_faces(
         det = dot3(p0, rows[0])  # six times the volume between eye and face; negative from behind
         back = 1 if det < 0.0 else 0
         textured = textures[geom, 1] > 0
-        needed = 1 if flat[t] and not textured else 3
+        # its area on the screen: |det| shrinks with the third power of the distance
+        small = abs(det) * square_px < _SMALL_PX * abs(p0[2] * p1[2] * p2[2])
+        needed = 1 if (flat[t] or small) and not textured else 3
         for i in range(needed):
             s = corners[t, i]
             if point_view[back, s] != views[0]:
                 point_view[back, s] = views[0]
                 light_point(s, back, geom, bodies[geom] + 1, normals, rotations, materials, light, colours)
-        used = (corners[t, 0], corners[t, needed // 2], corners[t, needed - 1])
-        # its area on the screen: |det| shrinks with the third power of the distance
-        small = abs(det) * square_px < _SMALL_PX * abs(p0[2] * p1[2] * p2[2])
-        if not textured and (needed == 1 or small):
+        if needed == 1:
             state[t] = _CONSTANT
-            write_mean(t, back, used, colours, planes)
+            for i in range(3):
+                planes[t, i, 2] = colours[back, corners[t, 0], i]
         else:
             state[t] = _TEXTURED if textured else _LINEAR
+            used = (corners[t, 0], corners[t, 1], corners[t, 2])
             write_planes(t, back, used, rows, det, colours, uvs, planes)
 
 
@@ -172,14 +173,6 @@ def light_point(
     for k in range(3):
         value = encoded(tone_mapped(received[k] * materials[geom, k]), light.encode)
         colours[back, s, k] = np.float32(value)
-
-
-@kernel
-def write_mean(t: int, back: int, used: Corners, colours: Array, planes: Array) -> None:
-    """One colour for all of face t."""
-    for i in range(3):
-        total = colours[back, used[0], i] + colours[back, used[1], i] + colours[back, used[2], i]
-        planes[t, i, 2] = total * np.float32(1.0 / 3.0)
 
 
 @kernel
