@@ -34,9 +34,8 @@ def below(pictures: list[np.ndarray]) -> np.ndarray:
 
 
 def save(path: Path, picture: np.ndarray) -> None:
-    """As a PNG of 256 colours, a third of the size."""
-    image = Image.fromarray(np.ascontiguousarray(picture))
-    image.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(path, optimize=True)
+    """As a PNG."""
+    Image.fromarray(np.ascontiguousarray(picture)).save(path, optimize=True)
     print(f"{path}: {picture.shape[1]} x {picture.shape[0]}, {path.stat().st_size / 1e3:.0f} kB")
 
 
@@ -58,7 +57,7 @@ def robot_view(object_id: str) -> np.ndarray:
     rows = []
     for k in range(env.task.cameras.number):
         colour, masks = rgb[..., 3 * k : 3 * k + 3], seg[..., 3 * k : 3 * k + 3]
-        rows.append([colour, paint_depth(depth[..., k], 4.0), paint_masks(colour, masks)])
+        rows.append([colour, paint_depth(depth[..., k], 7.0), paint_masks(colour, masks)])
     return below([beside(list(row)) for row in zip(*rows, strict=True)])
 
 
@@ -67,21 +66,29 @@ def clouds(object_id: str) -> np.ndarray:
     env, observation = reach_out("pointcloud", object_id)
     cloud = observation["pointcloud"]
     x, y = env.snapshot.robot_qpos[0, :2]
-    eye, target = (x - 1.0, y - 1.9, 1.7), (x + 0.65, y + 0.15, 0.5)
-    camera = Camera.look_at(eye, target, width=430, height=330, fov_rad=0.75, far_m=20.0)
 
-    def drawn(xyz: np.ndarray, rgb: np.ndarray, seg: np.ndarray, radius_m: float, opacity: float) -> np.ndarray:
-        there = rgb.any(axis=1)
-        return draw_points(xyz[there], paint_masks(rgb, seg, opacity)[there], camera, radius_m)
+    def drawn(width: int, points: dict[str, np.ndarray], radius_m: float, opacity: float) -> np.ndarray:
+        eye, target = (x - 0.9, y - 2.2, 1.6), (x + 0.75, y + 0.35, 0.42)
+        # the same breadth of view at any width
+        height, fov = round(0.42 * width), 0.6
+        camera = Camera.look_at(eye, target, width=width, height=height, fov_rad=fov, far_m=20.0)
+        there = points["rgb"].any(axis=1)
+        colours = paint_masks(points["rgb"], points["seg"], opacity)[there]
+        return draw_points(points["xyz"][there], colours, camera, radius_m)
 
-    full = [drawn(*cloud.values(), 0.004, opacity) for opacity in (0.0, 0.7)]
     few = [
-        drawn(*downsample(*cloud.values(), make_sampler(m, 1200), np.random.default_rng(0)).values(), 0.011, 0.7)
-        for m in SAMPLERS
+        downsample(**_world(cloud), sampler=make_sampler(m, 1200), rng=np.random.default_rng(0)) for m in SAMPLERS
     ]
-    blank = np.full_like(full[0], 255)
-    assert len(full) + len(few) + 1 == 6
-    return below([beside([*full, few[0]]), beside([few[1], few[2], blank])])
+    return below(
+        [
+            beside([drawn(648, cloud, 0.004, opacity) for opacity in (0.0, 0.7)]),
+            beside([drawn(430, points, 0.015, 0.7) for points in few]),
+        ]
+    )
+
+
+def _world(cloud: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    return {"xyz_w": cloud["xyz"], "rgb": cloud["rgb"], "seg": cloud["seg"]}
 
 
 def main() -> None:

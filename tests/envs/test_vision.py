@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -15,6 +16,7 @@ from artiskill.sensors.downsample import SAMPLERS, ManiskillSampler, downsample
 from artiskill.tasks.levels import Stream, level_generator
 
 OBJECT = "cabinet-0014"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "observations.md"
 HANDLE, LINK, ROBOT = range(3)
 
 
@@ -170,6 +172,24 @@ def test_one_environment_sees_one_cabinet_after_another() -> None:
     assert (first["rgb"] != other["rgb"]).any()
     for name in first:
         np.testing.assert_array_equal(first[name], again[name])
+
+
+def test_the_page_tells_what_the_configuration_says() -> None:
+    task = make().task
+    c = task.cameras
+    text = PAGE.read_text(encoding="utf-8")
+    for row in (
+        f"| height above the floor | {c.mount_height_m:g} m |",
+        f"| pitch | {c.pitch_down_deg:g} degrees down |",
+        f"| vertical field of view | {c.fov_deg:g} degrees |",
+        f"| resolution | {c.width} x {c.height} pixels, square |",
+        f"| near, far | {c.near_m:g} m, {c.far_m:g} m along the optical axis |",
+        f"| `xyz` | ({c.pixels}, 3) float32 |",
+        f"| `rgb` | ({c.height}, {c.width}, {3 * c.number}) uint8 |",
+        *(f"| `{method}` |" for method in SAMPLERS),
+    ):
+        assert row in text
+    assert task.mask_names == ("handle", "link", "robot")
 
 
 # -- down-sampling -----------------------------------------------------------------------------------------------
