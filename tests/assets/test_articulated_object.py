@@ -1,6 +1,7 @@
 """The type that every object takes: its order, its look-ups and its digest."""
 
 import dataclasses
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -114,6 +115,48 @@ def test_link_names_are_unique() -> None:
 def test_handles_belong_to_links_of_the_object() -> None:
     with pytest.raises(AssetError, match=r"object 'thing': a handle's link 'link_7' is none of"):
         an_object(handles=(a_handle("link_7"),))
+
+
+@pytest.mark.parametrize("name", ["40147", "generated-7", "cabinet-0005", "my_cabinet.v2"])
+def test_legal_ids(name: str) -> None:
+    assert an_object(id=name).id == name
+
+
+@pytest.mark.parametrize("name", ["", "a b", "a/b", "a\n", "généré", "a:b", 5, None])
+def test_illegal_ids(name: object) -> None:
+    with pytest.raises(AssetError, match=re.escape(f"object id {name!r}: legal are letters, digits")):
+        an_object(id=name)
+
+
+def with_joint(**changes: Any) -> ArticulatedObject:
+    joint = dataclasses.replace(a_joint("joint_0"), **changes)
+    return an_object(links=(a_link("base", -1), a_link("link_0", 0, joint)), handles=())
+
+
+@pytest.mark.parametrize(
+    "limits", [(0.1, 0.1), (0.4, 0.0), (np.nan, 1.0), (0.0, np.nan), (0.0,), (0.0, "1"), None, (np.inf, np.inf)]
+)
+def test_illegal_limits(limits: Any) -> None:
+    with pytest.raises(AssetError, match="'joint_0' of 'link_0': its limits must be two numbers") as caught:
+        with_joint(limits=limits)
+    assert repr(limits) in str(caught.value)
+
+
+def test_only_hinges_move_without_end() -> None:
+    with pytest.raises(AssetError, match="'joint_0' of 'link_0' is prismatic: its limits must be finite"):
+        with_joint(limits=(0.0, np.inf))
+    endless = with_joint(kind="revolute", limits=(-np.inf, np.inf)).links[1].joint
+    assert endless is not None
+    assert endless.limits == (-np.inf, np.inf)
+
+
+@pytest.mark.parametrize(
+    "axis", [(0.0, 0.0, 0.0), (0.0, 0.0, 1.1), (np.nan, 0.0, 1.0), (np.inf, 0.0, 0.0), (0.0, 1e300, 0.0), (1.0,)]
+)
+def test_illegal_axes(axis: tuple[float, ...]) -> None:
+    with pytest.raises(AssetError, match="'joint_0' of 'link_0': its axis must be a finite vector") as caught:
+        with_joint(axis=np.array(axis))
+    assert repr(np.array(axis)) in str(caught.value)
 
 
 def test_an_object_has_links() -> None:

@@ -1,5 +1,7 @@
 """The catalogue: counts of the benchmark, hashes, names and their errors."""
 
+import dataclasses
+import pickle
 import sys
 import types
 from pathlib import Path
@@ -8,6 +10,7 @@ import pytest
 
 from artiskill.assets import catalog
 from artiskill.assets.catalog import list_objects, load_object, read_catalog, resolve_objects, task_motion
+from artiskill.assets.needs import TASK_NEEDS
 from artiskill.errors import AssetError, UnknownNameError
 
 # spec of the benchmark: objects and targets of each task and split
@@ -90,8 +93,8 @@ def importer(monkeypatch: pytest.MonkeyPatch) -> list[object]:
     module = types.ModuleType("artiskill.assets.partnet.importer")
     module.find_partnet_folder = lambda name: Path("/data") / name  # type: ignore[attr-defined]
 
-    def import_partnet(path: Path) -> object:
-        asked.append(path)
+    def import_partnet(path: Path, needs: object) -> object:
+        asked.append(path if needs is None else (path, needs))
         return load_object("cabinet-0001")
 
     module.import_partnet = import_partnet  # type: ignore[attr-defined]
@@ -105,11 +108,38 @@ def test_resolve_partnet_names_and_paths(importer: list[object], tmp_path: Path)
     assert importer == [Path("/data/40147"), tmp_path, tmp_path, Path("40147.zip")]
 
 
+def test_the_importer_knows_what_the_object_is_for(importer: list[object]) -> None:
+    resolve_objects("partnet:40147", "OpenCabinetDrawer")
+    assert importer == [(Path("/data/40147"), TASK_NEEDS["OpenCabinetDrawer"])]
+
+
+def test_a_folder_shadows_nothing(importer: list[object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("cabinet-0005", "generated-7", "mine", "test"):
+        (tmp_path / name).mkdir()
+    assert load_object("cabinet-0005").id == "cabinet-0005"
+    assert resolve_objects(["cabinet-0005", "generated-7"]) == ("cabinet-0005", "generated-7")
+    assert resolve_objects("test") == tuple(list_objects(split="test"))
+    with pytest.raises(UnknownNameError, match=r"unknown object 'mine'; a folder has this name: write './mine'"):
+        resolve_objects("mine")
+    assert importer == []
+    resolve_objects("./mine")
+    resolve_objects(Path("cabinet-0005"))  # a Path is always one
+    assert importer == [Path("mine"), Path("cabinet-0005")]
+
+
 @pytest.mark.parametrize(
     ("name", "message"),
     [
         ("cabinet-01", "unknown object 'cabinet-01'; did you mean 'cabinet-0"),
-        ("trian", "unknown object 'trian'.*generated:<seed>"),
+        ("cabinet-005", "did you mean 'cabinet-0005'?"),
+        ("cabinet-5", "did you mean 'cabinet-0005'?"),
+        ("cabinet-00755", "did you mean 'cabinet-0075'?"),
+        ("Cabinet-0007", "did you mean 'cabinet-0007'?"),
+        ("trian", "unknown object 'trian'; did you mean 'train'.*split .train, test, all.*generated:<seed>"),
+        ("tset", "did you mean 'test'?"),
+        ("al", "did you mean 'all'?"),
+        ("xyzzy", "unknown object 'xyzzy'. Legal: a split .train, test, all., one of the 75 catalogue ids"),
         ("generated:x", "unknown object 'generated:x'.*whole number"),
         ("generated:-1", "unknown object 'generated:-1'"),
     ],
@@ -117,6 +147,21 @@ def test_resolve_partnet_names_and_paths(importer: list[object], tmp_path: Path)
 def test_unknown_names(name: str, message: str) -> None:
     with pytest.raises(UnknownNameError, match=message):
         resolve_objects(name)
+
+
+def test_one_object_is_no_split() -> None:
+    with pytest.raises(AssetError, match=r"'train' is a split, not one object; list_objects\(split='train'\)"):
+        load_object("train")
+    with pytest.raises(UnknownNameError) as caught:
+        load_object("trian")
+    assert "split" not in str(caught.value)
+
+
+def test_errors_of_names_travel_between_processes() -> None:
+    with pytest.raises(UnknownNameError) as caught:
+        resolve_objects("tset")
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert (type(again), str(again)) == (type(caught.value), str(caught.value))
 
 
 def test_unknown_category_split_and_task() -> None:
@@ -133,8 +178,11 @@ def test_objects_without_target_are_refused() -> None:
     drawerless = next(i for i in list_objects() if read_catalog()[i][1].drawers == ())
     with pytest.raises(AssetError, match="has no drawer with a handle"):
         resolve_objects(drawerless, "OpenCabinetDrawer")
-    with pytest.raises(AssetError, match="has no drawer with a handle"):
+    with pytest.raises(AssetError, match=r"has no drawer with a handle.*it has: door link_\d \(with a handle\)"):
         resolve_objects(load_object(drawerless), "OpenCabinetDrawer")
+    chair = dataclasses.replace(load_object(drawerless), id="seat", category="chair")
+    with pytest.raises(AssetError, match="object 'seat' is a chair; OpenCabinetDrawer needs a cabinet"):
+        resolve_objects(chair, "OpenCabinetDrawer")
 
 
 def test_empty_double_and_nonsense_are_refused() -> None:
@@ -142,5 +190,12 @@ def test_empty_double_and_nonsense_are_refused() -> None:
         resolve_objects([])
     with pytest.raises(AssetError, match="cabinet-0001 more than once"):
         resolve_objects(["cabinet-0001", "cabinet-0001"])
-    with pytest.raises(AssetError, match="not int"):
-        resolve_objects([3])  # type: ignore[list-item]
+    for nonsense in (3, None, [3], [None], 2.5, b"cabinet-0001", [["cabinet-0001"]]):
+        with pytest.raises(AssetError, match=r"objects must be a split, an object's name, a path, .*, not "):
+            resolve_objects(nonsense)  # type: ignore[arg-type]
+    for number in (5, None):
+        with pytest.raises(AssetError, match=f"not .*: {number}"):
+            load_object(number)  # type: ignore[arg-type]
+    for empty in ("", " ", ["cabinet-0001", ""]):
+        with pytest.raises(AssetError, match="name must not be empty"):
+            resolve_objects(empty)

@@ -6,6 +6,7 @@ float64 unless said otherwise and must be treated as read-only.
 """
 
 import hashlib
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cached_property
@@ -19,6 +20,9 @@ from artiskill.geometry.meshes import TriMesh
 Category = Literal["cabinet", "chair", "bucket"]
 JointKind = Literal["prismatic", "revolute"]
 ShapeKind = Literal["box", "cylinder", "capsule", "sphere", "hull"]
+
+_LEGAL_ID = re.compile(r"[A-Za-z0-9._-]+")
+_UNIT_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +88,7 @@ class Joint:
         kind: `prismatic` (metres) or `revolute` (radians).
         axis: (3,) unit vector in the link's frame.
         origin: (3,) a point on the axis, in the link's frame.
-        limits: lower and upper; -inf and inf where the joint turns without end. A closed door or drawer is at
+        limits: lower < upper; -inf and inf where a revolute joint turns without end. A closed door or drawer is at
             its lower limit.
     """
 
@@ -154,7 +158,7 @@ class ArticulatedObject:
     """An object with joints; see the module's docstring for its frame.
 
     Attributes:
-        id: name in catalogues, results and environment ids, letters, digits, `-` and `.` only.
+        id: name in catalogues, results and environment ids; letters, digits, `-`, `.` and `_` only.
         category: `cabinet`, `chair` or `bucket`.
         links: the root first, parents before children.
         handles: of all links; a door or drawer is a legal target where it has one.
@@ -170,6 +174,7 @@ class ArticulatedObject:
     metadata: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        check_object_id(self.id)
         names = [link.name for link in self.links]
         if not names:
             raise AssetError(f"object {self.id!r} has no links")
@@ -178,6 +183,8 @@ class ArticulatedObject:
         for i, link in enumerate(self.links):
             if not -1 <= link.parent < i or (link.parent == -1) != (i == 0):
                 raise AssetError(f"object {self.id!r}: link {link.name!r} must stand after its parent")
+            if link.joint is not None:
+                _check_joint(link.joint, f"object {self.id!r}: joint {link.joint.name!r} of {link.name!r}")
         for handle in self.handles:
             if handle.link not in names:
                 raise AssetError(f"object {self.id!r}: a handle's link {handle.link!r} is none of {names}")
@@ -220,6 +227,32 @@ class ArticulatedObject:
             for link in self.links
             if link.joint is not None and link.joint.kind == kind and self.handles_of(link.name)
         )
+
+
+def check_object_id(object_id: object) -> None:
+    """Refuse an illegal id.
+
+    Raises:
+        AssetError: it is no text, or holds anything but letters, digits, `-`, `.` and `_`.
+    """
+    if not isinstance(object_id, str) or not _LEGAL_ID.fullmatch(object_id):
+        raise AssetError(f"object id {object_id!r}: legal are letters, digits, '-', '.' and '_'")
+
+
+def _check_joint(joint: Joint, what: str) -> None:
+    """Raises AssetError unless axis and limits are as `Joint` says: an engine would take others silently."""
+    axis, limits = np.asarray(joint.axis), np.asarray(joint.limits)
+    if axis.shape != (3,) or axis.dtype.kind not in "fiu" or not _is_unit(axis):
+        raise AssetError(f"{what}: its axis must be a finite vector of length 1, not {joint.axis!r}")
+    if limits.shape != (2,) or limits.dtype.kind not in "fiu" or not limits[0] < limits[1]:
+        raise AssetError(f"{what}: its limits must be two numbers, lower < upper, not {joint.limits!r}")
+    if joint.kind != "revolute" and not np.isfinite(limits).all():
+        raise AssetError(f"{what} is {joint.kind}: its limits must be finite, not {joint.limits!r}")
+
+
+def _is_unit(axis: np.ndarray) -> bool:
+    bounded = bool((np.abs(axis) < 2).all())  # false for nan; and squares do not overflow
+    return bounded and abs(float(np.linalg.norm(axis)) - 1) < _UNIT_TOLERANCE
 
 
 def _feed(digest: Any, value: Any) -> None:

@@ -5,7 +5,7 @@ split, its target links and the hash of its content. Beside the catalogue, `gene
 cabinet.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, JointKind
+from artiskill.assets.names import GENERATED, UnknownObjectError, generated_seed, is_path, partnet_id
+from artiskill.assets.needs import TASK_NEEDS, MovingLink, Needs
 from artiskill.config import CONFIG_DIR, check, load_config
 from artiskill.errors import AssetError, UnknownNameError
 
@@ -20,12 +22,9 @@ CATALOG_DIR = CONFIG_DIR / "catalog"
 CATEGORIES = ("cabinet",)
 SPLITS = ("train", "test")
 ALL = "all"
-# Tasks whose targets are the links that move by one kind of joint.
-TASK_MOTIONS: dict[str, JointKind] = {"OpenCabinetDrawer": "prismatic", "OpenCabinetDoor": "revolute"}
-GENERATED = "generated"
-PARTNET = "partnet"
+TASK_MOTIONS: dict[str, JointKind] = {task: needs.motion for task, needs in TASK_NEEDS.items()}
 _CACHED_OBJECTS = 128
-_HINT = "Also legal: 'generated:<seed>', 'partnet:<id>' and a path to a PartNet-Mobility folder or zip."
+_Given = str | Path | ArticulatedObject
 
 
 @dataclass(frozen=True)
@@ -54,6 +53,11 @@ class CatalogEntry:
     def targets(self, motion: JointKind) -> tuple[str, ...]:
         """The links that are legal targets."""
         return self.drawers if motion == "prismatic" else self.doors
+
+    def moving_links(self) -> tuple[MovingLink, ...]:
+        """The legal targets of any task."""
+        kinds: tuple[JointKind, ...] = ("prismatic", "revolute")
+        return tuple(MovingLink(name, kind, True) for kind in kinds for name in self.targets(kind))
 
 
 @dataclass(frozen=True)
@@ -105,34 +109,25 @@ def task_motion(task: str) -> JointKind:
     Raises:
         UnknownNameError: no such task.
     """
-    name = task.split("/")[-1].split("-v")[0]
-    if name not in TASK_MOTIONS:
-        raise UnknownNameError("task", task, TASK_MOTIONS)
-    return TASK_MOTIONS[name]
+    return _task_needs(task).motion
 
 
-def load_object(object_id: str) -> ArticulatedObject:
+def load_object(object_id: str | Path) -> ArticulatedObject:
     """The object of a catalogue id, of `generated:<seed>` (or `generated-<seed>`, its id), or of a PartNet name.
 
-    Objects are kept in a bounded cache of the process: they are read-only.
+    A catalogue id comes first. A text is a path where it holds a separator or ends in `.zip`; write `./name` for
+    a folder in the working directory. Generated objects are kept in a bounded cache of the process: they are
+    read-only.
 
     Raises:
         UnknownNameError: nothing bears this name.
-        AssetError: a PartNet folder is missing or unusable.
+        AssetError: not a name, or an empty one, or a PartNet folder that is missing or unusable.
     """
-    if _is_partnet(object_id):
-        return _import_partnet(object_id)
-    seed = _generated_seed(object_id)
-    if seed is not None:
-        return _generate("cabinet", seed, f"{GENERATED}-{seed}")
-    if object_id not in read_catalog():
-        raise UnknownNameError("object", object_id, read_catalog(), _HINT)
-    category, entry = read_catalog()[object_id]
-    return _generate(category, entry.seed, entry.id)
+    return _load(object_id, None, ())
 
 
 def resolve_objects(
-    objects: str | Path | ArticulatedObject | Sequence[str | Path | ArticulatedObject], task: str | None = None
+    objects: _Given | Sequence[_Given], task: str | None = None
 ) -> tuple[str | ArticulatedObject, ...]:
     """What a user may pass as `objects`, as a tuple of ids for `load_object` and of ready objects.
 
@@ -146,18 +141,20 @@ def resolve_objects(
 
     Raises:
         UnknownNameError: a name that is none of these.
-        AssetError: an empty sequence, an object named twice or without a target, or an unusable PartNet folder.
+        AssetError: none of the legal types, an empty sequence or name, an object named twice, of another category
+            than the task's or without a target, or an unusable PartNet folder.
     """
-    motion = None if task is None else task_motion(task)
-    if isinstance(objects, str) and objects in (ALL, *SPLITS):
-        return tuple(list_objects(split=objects, task=task))
-    given = (objects,) if isinstance(objects, str | Path | ArticulatedObject) else tuple(objects)
+    needs = None if task is None else _task_needs(task)
+    if isinstance(objects, _Given):
+        objects = (objects,)
+    elif not isinstance(objects, Iterable) or isinstance(objects, bytes):
+        raise _not_an_object(objects)
     resolved: list[str | ArticulatedObject] = []
-    for item in given:
+    for item in objects:
         if isinstance(item, str) and item in (ALL, *SPLITS):
             resolved += list_objects(split=item, task=task)
         else:
-            resolved.append(_resolve_one(item, motion))
+            resolved.append(_resolve_one(item, needs))
     _check_resolved(resolved)
     return tuple(resolved)
 
@@ -167,30 +164,52 @@ def object_id_of(item: str | ArticulatedObject) -> str:
     return item if isinstance(item, str) else item.id
 
 
-def _resolve_one(item: object, motion: JointKind | None) -> str | ArticulatedObject:
-    if isinstance(item, ArticulatedObject):
-        found, name = item, item.id
-    elif isinstance(item, str | Path):
-        name = str(item)
-        if name in read_catalog():  # known without building it
-            if motion is not None and not read_catalog()[name][1].targets(motion):
-                raise _no_target(name, motion)
-            return name
-        found = load_object(name)
-    else:
-        raise AssetError(f"objects must be names or ArticulatedObjects, not {type(item).__name__}: {item!r}")
-    if motion is not None and not found.target_links(motion):
-        raise _no_target(name, motion)
-    return found.id if isinstance(item, str) and _generated_seed(name) is not None else found
+def _resolve_one(item: object, needs: Needs | None) -> str | ArticulatedObject:
+    if isinstance(item, str) and item in read_catalog():  # known without building it
+        if needs is not None:
+            category, entry = read_catalog()[item]
+            needs.check_category(item, category)
+            needs.check_links(item, entry.moving_links())
+        return item
+    found = item if isinstance(item, ArticulatedObject) else _load(item, needs, (*SPLITS, ALL))
+    if needs is not None:
+        needs.check_object(found)
+    return found.id if isinstance(item, str) and generated_seed(item) is not None else found
 
 
-def _no_target(name: str, motion: JointKind) -> AssetError:
-    task = next(t for t, m in TASK_MOTIONS.items() if m == motion)
-    what = "drawer" if motion == "prismatic" else "door"
+def _load(name: object, needs: Needs | None, splits: tuple[str, ...]) -> ArticulatedObject:
+    """The object of a name; `splits` are legal beside it, and `needs` spare work on unusable PartNet objects."""
+    if isinstance(name, Path):
+        return _import_partnet(name, needs)
+    if not isinstance(name, str):
+        raise _not_an_object(name)
+    if not name.strip():
+        raise AssetError(f"an object's name must not be empty: {name!r}")
+    if name in read_catalog():
+        category, entry = read_catalog()[name]
+        return _generate(category, entry.seed, entry.id)
+    seed = generated_seed(name)
+    if seed is not None:
+        return _generate("cabinet", seed, f"{GENERATED}-{seed}")
+    if partnet_id(name) is not None or is_path(name):
+        return _import_partnet(name, needs)
+    if name in (ALL, *SPLITS):
+        raise AssetError(f"{name!r} is a split, not one object; list_objects(split={name!r}) names its objects")
+    raise UnknownObjectError(name, read_catalog(), splits)
+
+
+def _not_an_object(given: object) -> AssetError:
     return AssetError(
-        f"object {name!r} has no {what} with a handle, so {task} has no target; "
-        f"{len(list_objects(task=task))} objects of the catalogue have one, {list_objects(task=task)[0]!r} say"
+        "objects must be a split, an object's name, a path, an ArticulatedObject or a sequence of these, "
+        f"not {type(given).__name__}: {given!r}"
     )
+
+
+def _task_needs(task: str) -> Needs:
+    name = task.split("/")[-1].split("-v")[0]
+    if name not in TASK_NEEDS:
+        raise UnknownNameError("task", task, TASK_NEEDS)
+    return TASK_NEEDS[name]
 
 
 def _check_resolved(resolved: list[str | ArticulatedObject]) -> None:
@@ -202,34 +221,11 @@ def _check_resolved(resolved: list[str | ArticulatedObject]) -> None:
         raise AssetError(f"objects name {', '.join(twice)} more than once")
 
 
-def _generated_seed(name: str) -> int | None:
-    """The seed of `generated:<seed>` or `generated-<seed>`, else None."""
-    for separator in (":", "-"):
-        prefix = GENERATED + separator
-        if name.startswith(prefix):
-            digits = name[len(prefix) :]
-            if not (digits.isascii() and digits.isdigit()):
-                hint = "The seed is a whole number of at least 0."
-                raise UnknownNameError("object", name, (f"{GENERATED}:<seed>",), hint)
-            return int(digits)
-    return None
-
-
-def _is_partnet(name: str) -> bool:
-    return (
-        name.startswith(f"{PARTNET}:")
-        or "/" in name
-        or "\\" in name
-        or name.endswith(".zip")
-        or Path(name).is_dir()
-    )
-
-
-def _import_partnet(name: str) -> ArticulatedObject:
+def _import_partnet(name: str | Path, needs: Needs | None) -> ArticulatedObject:
     from artiskill.assets.partnet.importer import find_partnet_folder, import_partnet
 
-    prefix = f"{PARTNET}:"
-    return import_partnet(find_partnet_folder(name[len(prefix) :]) if name.startswith(prefix) else Path(name))
+    number = partnet_id(name) if isinstance(name, str) else None
+    return import_partnet(Path(name) if number is None else find_partnet_folder(number), needs=needs)
 
 
 @lru_cache(maxsize=_CACHED_OBJECTS)

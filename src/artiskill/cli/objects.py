@@ -15,7 +15,12 @@ def add_command(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Print a line per object."""
     from artiskill.assets.catalog import TASK_MOTIONS, list_objects, read_catalog, task_motion
+    from artiskill.errors import UnknownNameError
+    from artiskill.tasks.registry import task_names
 
+    # the catalogue knows the targets of tasks that are yet to come; what is offered here must also run
+    if arguments.task is not None and arguments.task not in task_names():
+        raise UnknownNameError("task", arguments.task, task_names())
     motions = list(TASK_MOTIONS.values()) if arguments.task is None else [task_motion(arguments.task)]
     names = {"prismatic": "drawers", "revolute": "doors"}
     for object_id in list_objects(split=arguments.split, task=arguments.task):

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from artiskill.assets.needs import TASK_NEEDS
 from artiskill.assets.partnet import find_partnet_folder, import_partnet
 from artiskill.errors import AssetError, UnknownNameError
 
@@ -49,6 +50,8 @@ def test_json_broken(toy, file):
         ("result.json", "{}", "must hold a list"),
         ("result.json", '[{"children": 3}]', "must be lists"),
         ("mobility_v2.json", '[{"parts": [3]}]', "must be a mapping"),
+        ("result.json", '[{"objs": 3}]', "'objs' must be a list, not 3"),
+        ("meta.json", '{"model_cat": ["x"]}', r"model_cat is \['x'\]; legal: StorageFurniture, Chair, Bucket"),
         ("meta.json", '{"model_cat": "Oven"}', "'Oven'; legal: StorageFurniture, Chair, Bucket"),
         ("mobility.urdf", "<robot>", "not valid XML"),
         ("mobility.urdf", "<sdf/>", "must be <robot>, not <sdf>"),
@@ -68,7 +71,12 @@ def test_content_wrong(toy, file, text, message):
         ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>', "axis of length 0"),
         ('<axis xyz="0 0 1"/>', '<axis xyz="0 0"/>', "axis must be 3 numbers, not '0 0'"),
         ('<axis xyz="0 0 1"/>', '<axis xyz="0 a 1"/>', "must be 3 numbers"),
-        ('upper="0.5"', 'upper="far"', "upper limit must be 1 numbers, not 'far'"),
+        ('upper="0.5"', 'upper="far"', "upper limit must be a number, not 'far'"),
+        ('upper="0.5"', 'upper="nan"', "upper limit must be a finite number, not 'nan'"),
+        ('<axis xyz="0 0 1"/>', '<axis xyz="0 nan 1"/>', "axis must be 3 finite numbers, not '0 nan 1'"),
+        ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1e300"/>', "axis must be 3 finite numbers of at most 1e[+]06"),
+        ('<origin xyz="0 0 0"/>', '<origin xyz="0 0 inf"/>', "origin xyz must be 3 finite numbers"),
+        ('original-3.obj"/>', 'original-3.obj" scale="1e300 1 1"/>', "mesh scale must be 3 finite numbers"),
         ('<parent link="link_2"/>', '<parent link="link_9"/>', "'link_9', which does not exist"),
         ('<child link="link_1"/>', "", "has no <child"),
         ('<child link="link_1"/>', '<child link="link_0"/>', "two parent joints"),
@@ -103,6 +111,8 @@ def test_mesh_missing(toy):
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 0\n", "line 4"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n", "line 4"),
         ("v 0 0 0\nv 1 0 nan\nv 0 1 0\nf 1 2 3\n", "not finite"),
+        ("v 0 0 0\nv 1 0 1e300\nv 0 1 0\nf 1 2 3\n", "vertex coordinate that is too large: 1e[+]300"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 1e300 0\nf 1/1 2/1 3/1\n", "texture coordinate that is too large"),
         ("v 0 0 0\nv 0 0 0\nv 0 0 0\nf 1 2 3\n", "has no area"),
     ],
 )
@@ -111,6 +121,55 @@ def test_mesh_does_not_parse(toy, text, message):
     with pytest.raises(AssetError, match=message) as caught:
         import_partnet(toy.folder)
     assert "original-3.obj" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("Kd 1 x 1", "Kd must be 3 finite numbers, not '1 x 1'"),
+        ("Kd 1 1", "Kd must be 3 finite numbers, not '1 1'"),
+        ("Kd nan 1 1", "Kd must be 3 finite numbers, not 'nan 1 1'"),
+        ("d", "d must be a finite number, not ''"),
+        ("Ns inf", "Ns must be a finite number, not 'inf'"),
+    ],
+)
+def test_material_does_not_parse(toy, line, message):
+    (toy.write() / "textured_objs" / "original-3.mtl").write_text(f"newmtl wood\n{line}\n")
+    _fails(toy.folder, f"'link_1': mesh file 'original-3.obj': material file 'original-3.mtl', line 2: {message}")
+
+
+@pytest.fixture
+def _no_decomposition(monkeypatch):
+    """Whoever decomposes a mesh fails."""
+    monkeypatch.setattr("artiskill.assets.partnet.importer.decompose_cached", lambda *_: pytest.fail("decomposed"))
+
+
+@pytest.mark.usefixtures("_no_decomposition")
+def test_wrong_category_is_refused_before_anything_else_is_read(toy):
+    toy.meta = {"model_cat": "Chair"}
+    (toy.write() / "mobility.urdf").unlink()
+    with pytest.raises(AssetError, match="object 'toy' is a chair; OpenCabinetDrawer needs a cabinet"):
+        import_partnet(toy.folder, needs=TASK_NEEDS["OpenCabinetDrawer"])
+
+
+@pytest.mark.usefixtures("_no_decomposition")
+def test_object_without_target_is_refused_before_decomposition(toy):
+    toy.parts["link_1"] = toy.parts["link_1"][:2]  # without its handle
+    with pytest.raises(AssetError, match="object 'toy' has no drawer with a handle") as caught:
+        import_partnet(toy.write(), needs=TASK_NEEDS["OpenCabinetDrawer"])
+    assert "it has: door link_0 (with a handle), drawer link_1 (no usable handle)." in str(caught.value)
+
+
+@pytest.mark.usefixtures("_no_decomposition")
+def test_door_that_turns_without_end_is_no_target(toy):
+    toy.joints["link_0"] = toy.joints["link_0"].replace("revolute", "continuous")
+    with pytest.raises(AssetError, match=r"no door with a handle.*door link_0 \(no usable handle\)"):
+        import_partnet(toy.write(), needs=TASK_NEEDS["OpenCabinetDoor"])
+
+
+def test_object_with_a_target_meets_the_needs(toy, load):
+    for task, needs in TASK_NEEDS.items():
+        assert load(toy, needs=needs).target_links(needs.motion), task
 
 
 @pytest.mark.parametrize("prefix", ["", "40999/", "data/40999/"])

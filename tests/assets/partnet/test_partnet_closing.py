@@ -61,7 +61,9 @@ def test_chairs_keep_their_drawn_pose(toy, load):
         ("0.3", "0.1", "degenerate limits"),
         ("0", "inf", "infinite limits"),
         ("-inf", "inf", "infinite limits"),
-        ("nan", "1", "must be 1 numbers"),
+        ("nan", "1", "lower limit must be a finite number, not 'nan'"),
+        ("0", "1e9", r"travel of 1e\+09; at most the object's own size, its diagonal of 1\.99"),
+        ("1e9", "1000000000.5", "travel of 1e.09; at most"),
     ],
 )
 def test_degenerate_limits(toy, load, lower, upper, message):
@@ -70,6 +72,20 @@ def test_degenerate_limits(toy, load, lower, upper, message):
         load(toy)
     assert "joint_1" in str(caught.value)
     assert "toy" in str(caught.value)
+
+
+def test_hinge_beyond_a_turn(toy, load):
+    toy.set_limits("link_0", "0", "1e9")
+    with pytest.raises(AssetError, match=r"'joint_0'.*range of 1e\+09 rad; at most one turn, 2 pi") as caught:
+        load(toy)
+    assert "toy" in str(caught.value)
+    toy.set_limits("link_0", "-3.14159", "3.1416")  # a turn, rounded
+    assert load(toy).links[1].joint.limits == pytest.approx((0.0, 6.28319))
+
+
+def test_travel_up_to_the_objects_size_is_legal_at_any_scale(toy, load):
+    toy.set_limits("link_1", "0", "1.9")
+    assert load(toy, scale=0.1).links[2].joint.limits == pytest.approx((0.0, 0.19))
 
 
 def test_missing_limits(toy, load):

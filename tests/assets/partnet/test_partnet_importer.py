@@ -126,16 +126,23 @@ def test_default_scale_is_documented_and_bounded():
     assert default_scale("bucket", np.ones(3)) == 0.3
 
 
-@pytest.mark.parametrize("scale", [0.0, -1.0, float("nan"), float("inf")])
+@pytest.mark.parametrize("scale", [0.0, -1.0, float("nan"), float("inf"), "a", [1.0]])
 def test_bad_scale(toy, load, scale):
     with pytest.raises(AssetError, match="scale must be a positive number"):
         load(toy, scale=scale)
+
+
+def test_path_of_another_type():
+    with pytest.raises(AssetError, match="path must be an object's folder or a zip of one, not 5"):
+        import_partnet(5)  # type: ignore[arg-type]
 
 
 def test_object_id(toy, load):
     assert load(toy, object_id="my-cabinet.1").id == "my-cabinet.1"
     with pytest.raises(AssetError, match="legal are letters"):
         load(toy, object_id="my cabinet")
+    toy.folder = toy.folder.with_name("my_cabinet (1)")
+    assert load(toy).id == "my_cabinet--1-"
 
 
 def test_without_coacd(toy, monkeypatch):

@@ -50,4 +50,4 @@ def test_materials_split_the_mesh(tmp_path):
 def test_missing_material_file_is_grey(tmp_path):
     (part,) = _read(tmp_path, "mtllib no.mtl\nusemtl x\n" + QUAD + "f 1 2 3\n")
     assert part.material.rgb == (0.7, 0.7, 0.7)
-    assert read_mtl(tmp_path / "no.mtl") == {}
+    assert read_mtl(tmp_path / "no.mtl", "test") == {}

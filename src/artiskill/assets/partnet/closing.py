@@ -21,6 +21,7 @@ from artiskill.assets.partnet.urdf import UrdfJoint
 from artiskill.errors import AssetError
 
 _SMALL = 1e-6  # radians or file units: joint values that are equal
+_FULL_TURN_RAD = 2 * np.pi + 1e-3  # the data set rounds
 
 
 @dataclass(frozen=True)
@@ -52,8 +53,9 @@ def rest_joints(
         where: the object, for messages.
 
     Raises:
-        AssetError: a joint's limits are degenerate.
+        AssetError: a joint's limits are degenerate, or wider than a turn or the object's size.
     """
+    size = _drawn_size(bodies, points)
     rest: list[RestJoint | None] = []
     warnings: list[str] = []
     for index, body in enumerate(bodies):
@@ -61,7 +63,7 @@ def rest_joints(
             rest.append(None)
             continue
         kind: JointKind = "prismatic" if body.joint.kind == "prismatic" else "revolute"
-        lower, upper = check_limits(body.joint, where)
+        lower, upper = check_limits(body.joint, size, where)
         joint = RestJoint(kind, 0.0, 1, (lower, upper))
         if closes and np.isinf(lower):
             warnings.append(f"joint {body.joint.name!r} of {body.name!r} turns without end: it has no closed pose")
@@ -72,11 +74,16 @@ def rest_joints(
     return rest, warnings
 
 
-def check_limits(joint: UrdfJoint, where: str) -> tuple[float, float]:
+def check_limits(joint: UrdfJoint, size: float, where: str) -> tuple[float, float]:
     """Lower and upper limit as written; infinite for joints that turn without end.
 
+    Args:
+        joint: whose.
+        size: of the object, file units; nothing slides further. The scale multiplies both sides alike.
+        where: the object, for messages.
+
     Raises:
-        AssetError: the limits are missing, equal, in the wrong order, or infinite where they must not be.
+        AssetError: the limits are missing, equal, in the wrong order, too wide, or infinite where that is illegal.
     """
     if joint.kind == "continuous":
         return -np.inf, np.inf
@@ -90,7 +97,25 @@ def check_limits(joint: UrdfJoint, where: str) -> tuple[float, float]:
         raise AssetError(f"{name} has infinite limits ({lower:g}, {upper:g}); they must be finite")
     if upper - lower < _SMALL:
         raise AssetError(f"{name} has degenerate limits ({lower:g}, {upper:g}); lower must be less than upper")
+    if joint.kind == "revolute" and upper - lower > _FULL_TURN_RAD:
+        raise AssetError(
+            f"{name} has limits ({lower:g}, {upper:g}), a range of {upper - lower:g} rad; at most one turn, 2 pi, "
+            "is legal, and a joint without end is of type continuous"
+        )
+    travel = max(abs(lower), abs(upper), upper - lower)
+    if joint.kind == "prismatic" and travel > size:
+        raise AssetError(
+            f"{name} has limits ({lower:g}, {upper:g}), a travel of {travel:g}; at most the object's own size, "
+            f"its diagonal of {size:.3g}, is legal (both in the file's units, which the scale multiplies alike)"
+        )
     return lower, upper
+
+
+def _drawn_size(bodies: tuple[Body, ...], points: list[np.ndarray]) -> float:
+    """Diagonal of the object's bounds as drawn, in file units."""
+    poses = body_poses(bodies, [0.0] * len(bodies))
+    world = np.concatenate([transform(pose, p) for pose, p in zip(poses, points, strict=True)])
+    return float(np.linalg.norm(np.ptp(world, axis=0)))
 
 
 def _close(

@@ -14,6 +14,7 @@ What is decided here, and written to `metadata`:
 """
 
 import hashlib
+import numbers
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,7 +22,16 @@ from pathlib import Path
 
 import numpy as np
 
-from artiskill.assets.articulated_object import ArticulatedObject, Category, CollisionShape, Handle, Joint, Link
+from artiskill.assets.articulated_object import (
+    ArticulatedObject,
+    Category,
+    CollisionShape,
+    Handle,
+    Joint,
+    Link,
+    check_object_id,
+)
+from artiskill.assets.needs import Needs
 from artiskill.assets.partnet.bodies import Body, body_poses, build_bodies, transform
 from artiskill.assets.partnet.closing import RestJoint, rest_joints
 from artiskill.assets.partnet.decompose import (
@@ -35,8 +45,9 @@ from artiskill.assets.partnet.decompose import (
 from artiskill.assets.partnet.drawn import DrawnMesh, group_by_part, read_drawn, vertices_of, visual_meshes
 from artiskill.assets.partnet.folder import URDF_NAME, find_partnet_folder, open_object
 from artiskill.assets.partnet.grips import make_grip
-from artiskill.assets.partnet.overlaps import find_overlaps
-from artiskill.assets.partnet.semantics import UNKNOWN, read_category, read_part_names
+from artiskill.assets.partnet.preview import moving_links
+from artiskill.assets.partnet.remarks import find_remarks
+from artiskill.assets.partnet.semantics import read_category, read_part_names
 from artiskill.assets.partnet.urdf import read_urdf
 from artiskill.errors import AssetError
 from artiskill.geometry.hulls import convex_hull
@@ -54,7 +65,6 @@ CABINET_SCALES = (0.28, 0.81)
 # Bedside tables and sideboards stand about 0.65 m high, chests of drawers and tall cabinets 0.9 m and more.
 WIDE_CABINET_HEIGHT_M, TALL_CABINET_HEIGHT_M = 0.65, 0.9
 _BOX_SHARE = 0.995  # a hull that fills so much of its bounds is a box
-_LEGAL_ID = re.compile(r"[A-Za-z0-9.-]+")
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,10 +73,12 @@ class _Source:
 
     name: str
     category: Category
+    model_category: str
     bodies: tuple[Body, ...]
     drawn: list[list[DrawnMesh]]
     rest: list[RestJoint | None]
     poses: list[np.ndarray]
+    warnings: list[str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +93,12 @@ class _Placement:
 
 
 def import_partnet(
-    path: Path | str, *, object_id: str | None = None, scale: float | None = None, cache_dir: Path | None = None
+    path: Path | str,
+    *,
+    object_id: str | None = None,
+    scale: float | None = None,
+    cache_dir: Path | None = None,
+    needs: Needs | None = None,
 ) -> ArticulatedObject:
     """Read one object of the data set.
 
@@ -90,19 +107,23 @@ def import_partnet(
         object_id: name in catalogues; the folder's name where None.
         scale: metres per unit of the file; `default_scale` where None.
         cache_dir: where convex decompositions are kept; `decompose.default_cache_dir()` where None.
+        needs: what it is wanted for; an object of no use for that is refused before anything costly is computed.
 
     Raises:
-        AssetError: the folder or a file in it is missing or not as it must be; the message names it.
+        AssetError: the folder or a file in it is missing or not as it must be; the message names it. Or the object
+            does not meet `needs`.
         MissingExtraError: coacd is not installed.
     """
     import_coacd()
-    if scale is not None and not (np.isfinite(scale) and scale > 0):
+    if not isinstance(path, Path | str):
+        raise AssetError(f"path must be an object's folder or a zip of one, not {path!r}")
+    if scale is not None and not (isinstance(scale, numbers.Real) and 0 < scale < np.inf):
         raise AssetError(f"scale must be a positive number (metres per unit of the file), not {scale!r}")
     with open_object(Path(path)) as (folder, name):
-        identifier = object_id if object_id is not None else re.sub(r"[^A-Za-z0-9.-]", "-", name)
-        if not _LEGAL_ID.fullmatch(identifier):
-            raise AssetError(f"object id {identifier!r}: legal are letters, digits, '-' and '.'")
-        return _import_folder(folder, name, identifier, scale, cache_dir or default_cache_dir())
+        identifier = object_id if object_id is not None else re.sub(r"[^A-Za-z0-9._-]", "-", name)
+        check_object_id(identifier)
+        source = _read_source(folder, name, needs)
+        return _build_object(source, identifier, scale, cache_dir or default_cache_dir())
 
 
 def default_scale(category: Category, size: np.ndarray) -> float:
@@ -117,26 +138,33 @@ def default_scale(category: Category, size: np.ndarray) -> float:
     return float(np.clip(height_m / size[2], *CABINET_SCALES))
 
 
-def _import_folder(
-    folder: Path, name: str, identifier: str, scale: float | None, cache_dir: Path
-) -> ArticulatedObject:
-    model = read_urdf(folder / URDF_NAME)
+def _read_source(folder: Path, name: str, needs: Needs | None) -> _Source:
+    """Read the files, the small ones first, so that an object of no use is refused at once."""
     category, model_category = read_category(folder)
-    bodies = build_bodies(model)
-    drawn = read_drawn(bodies, folder, read_part_names(folder))
+    if needs is not None:
+        needs.check_category(name, category)
+    bodies, names = build_bodies(read_urdf(folder / URDF_NAME)), read_part_names(folder)
+    if needs is not None:
+        needs.check_links(name, moving_links(bodies, names, category))
+    drawn = read_drawn(bodies, folder, names)
     points = [vertices_of(meshes) for meshes in drawn]
     if not sum(map(len, points)):
         raise AssetError(f"{name}/{URDF_NAME}: no link has a <visual> mesh")
     rest, warnings = rest_joints(bodies, points, category == "cabinet", name)
     poses = body_poses(bodies, [joint.value if joint else 0.0 for joint in rest])
-    source = _Source(name, category, bodies, drawn, rest, poses)
-    world = np.concatenate([transform(pose, p) for pose, p in zip(poses, points, strict=True)])
+    return _Source(name, category, model_category, bodies, drawn, rest, poses, warnings)
+
+
+def _build_object(source: _Source, identifier: str, scale: float | None, cache_dir: Path) -> ArticulatedObject:
+    category, warnings = source.category, list(source.warnings)
+    points = [vertices_of(meshes) for meshes in source.drawn]
+    world = np.concatenate([transform(pose, p) for pose, p in zip(source.poses, points, strict=True)])
     low, high = world.min(axis=0), world.max(axis=0)
     scale_used = default_scale(category, high - low) if scale is None else float(scale)
     shift = -scale_used * np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
     place = _Placement(scale_used, shift)
     links, handles, gaps_m = _links_and_handles(source, place, cache_dir, warnings)
-    warnings += _remarks(links, handles, category)
+    warnings += find_remarks(links, handles, category)
     return ArticulatedObject(
         id=identifier,
         category=category,
@@ -145,8 +173,8 @@ def _import_folder(
         bounds=np.stack((place.apply(low), place.apply(high))),
         metadata={
             "source": "PartNet-Mobility",
-            "partnet_id": name,
-            "model_category": model_category,
+            "partnet_id": source.name,
+            "model_category": source.model_category,
             "scale": scale_used,
             "handle_gaps_m": gaps_m,
             "warnings": tuple(warnings),
@@ -262,19 +290,3 @@ def _content_rng(name: str, drawn: Sequence[DrawnMesh]) -> np.random.Generator:
         merged: TriMesh = mesh.mesh
         digest.update(np.round(merged.vertices, 9).tobytes() + merged.faces.tobytes())
     return np.random.default_rng(int.from_bytes(digest.digest()[:8], "little"))
-
-
-def _remarks(links: tuple[Link, ...], handles: tuple[Handle, ...], category: Category) -> list[str]:
-    """What a user should know about the finished object."""
-    remarks = []
-    unnamed = [link.name for link in links if any(v.part == UNKNOWN for v in link.visuals)]
-    if unnamed:
-        remarks.append(f"meshes without a part name, in the URDF and in result.json, on: {', '.join(unnamed)}")
-    remarks += [
-        f"link {link.name!r} has no mesh: it has a joint but neither surface nor mass"
-        for link in links[1:]
-        if not link.collisions
-    ]
-    if category == "cabinet" and not handles:
-        remarks.append("no movable link has a part named handle or knob: the object has no target links")
-    return remarks + (find_overlaps(links) if category == "cabinet" else [])

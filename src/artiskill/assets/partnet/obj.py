@@ -13,6 +13,10 @@ from artiskill.assets.articulated_object import Material
 from artiskill.errors import AssetError
 from artiskill.geometry.meshes import TriMesh, triangle_areas
 
+# The data set's models measure about 2 across; areas and volumes of larger coordinates would overflow.
+_LARGEST_COORDINATE = 1e6
+# Statements of an MTL file that hold numbers, and how many; others are skipped or names.
+_MTL_NUMBERS = {"Kd": 3, "d": 1, "Tr": 1, "Ns": 1}
 # A Phong exponent this high looks polished; the data set's wood has 30.
 _POLISHED_EXPONENT = 200.0
 _GREY = (0.7, 0.7, 0.7)
@@ -47,8 +51,8 @@ def read_obj(path: Path, where: str) -> tuple[ObjPart, ...]:
         where: what it belongs to, for messages.
 
     Raises:
-        AssetError: the file is missing, has a line that does not parse, an index out of range, no face or no
-            area.
+        AssetError: the file is missing, has a line that does not parse, an index out of range, a coordinate that
+            is not finite or too large, no face or no area; or its material file does not parse.
     """
     if not path.is_file():
         raise AssetError(f"{where}: mesh file {path.name!r} does not exist in {path.parent.name!r}")
@@ -78,6 +82,8 @@ class _ObjReader:
     def read(self, words: list[str], number: int) -> None:
         try:
             self._read(words[0], words[1:])
+        except AssetError:  # of the material file, which says what is wrong with it
+            raise
         except (ValueError, IndexError) as error:
             raise AssetError(f"{self._where}, line {number}, does not parse: {' '.join(words)!r}") from error
 
@@ -85,8 +91,8 @@ class _ObjReader:
         if not self._corners:
             raise AssetError(f"{self._where} is empty: it has {len(self._points)} vertices and no face")
         points = np.array(self._points, dtype=float)
-        if not np.isfinite(points).all():
-            raise AssetError(f"{self._where} has vertices that are not finite")
+        self._check_coordinates("vertex coordinate", points)
+        self._check_coordinates("texture coordinate", np.array(self._uvs, dtype=float))
         uvs = np.array([*self._uvs, (0.0, 0.0)], dtype=np.float32)  # the last stands for "none"
         parts = []
         for material, corners in self._corners.items():
@@ -98,6 +104,14 @@ class _ObjReader:
             raise AssetError(f"{self._where} has no area: all its faces are points or lines")
         return tuple(parts)
 
+    def _check_coordinates(self, what: str, values: np.ndarray) -> None:
+        bad = values[~(np.abs(values) <= _LARGEST_COORDINATE)]
+        if bad.size:
+            wrong = "too large" if np.isfinite(bad[0]) else "not finite"
+            raise AssetError(
+                f"{self._where} has a {what} that is {wrong}: {bad[0]:g}; at most {_LARGEST_COORDINATE:g} is legal"
+            )
+
     def _read(self, key: str, values: list[str]) -> None:
         if key == "v":
             self._points.append((float(values[0]), float(values[1]), float(values[2])))
@@ -106,7 +120,7 @@ class _ObjReader:
         elif key == "f":
             self._read_face(values)
         elif key == "mtllib":
-            self._materials.update(read_mtl(self._path.parent / " ".join(values)))
+            self._materials.update(read_mtl(self._path.parent / " ".join(values), self._where))
         elif key == "usemtl":
             self._material = self._materials.get(" ".join(values), ObjMaterial())
 
@@ -125,17 +139,31 @@ class _ObjReader:
         return point, uv
 
 
-def read_mtl(path: Path) -> dict[str, ObjMaterial]:
-    """Materials of an MTL file by name; empty where the file is missing. Raises ValueError on a bad number."""
+def read_mtl(path: Path, where: str) -> dict[str, ObjMaterial]:
+    """Materials of an MTL file by name; empty where the file is missing.
+
+    Args:
+        path: the file.
+        where: what it belongs to, for messages.
+
+    Raises:
+        AssetError: the file cannot be read, or a number in it is none; the message names file, line and statement.
+    """
     if not path.is_file():
         return {}
+    where = f"{where}: material file {path.name!r}"
+    try:
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise AssetError(f"{where} cannot be read: {error.strerror}") from error
     materials: dict[str, dict[str, list[str]]] = {}
     entry: dict[str, list[str]] = {}
-    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+    for number, line in enumerate(text.splitlines(), start=1):
         words = line.split("#", 1)[0].split()
         if words and words[0] == "newmtl":
             entry = materials.setdefault(" ".join(words[1:]), {})
         elif words:
+            _check_statement(words[0], words[1:], f"{where}, line {number}")
             entry[words[0]] = words[1:]
     return {name: _material(entry, path.parent) for name, entry in materials.items()}
 
@@ -151,6 +179,19 @@ def load_material(material: ObjMaterial, textures: dict[Path, np.ndarray | None]
     red, green, blue = (_srgb_to_linear(c) for c in material.rgb)
     shininess = float(np.clip(material.exponent / _POLISHED_EXPONENT, 0.0, 1.0))
     return Material(name, (red, green, blue, material.alpha), image, shininess)
+
+
+def _check_statement(key: str, values: list[str], where: str) -> None:
+    """Raises AssetError unless a statement with numbers has as many, all finite; `d` may have an option first."""
+    count = _MTL_NUMBERS.get(key, 0)
+    numbers = values[-count:] if key in ("d", "Tr") else values
+    try:
+        legal = len(numbers) == count and all(np.isfinite(float(number)) for number in numbers)
+    except ValueError:
+        legal = False
+    if count and not legal:
+        number = f"{count} finite numbers" if count > 1 else "a finite number"
+        raise AssetError(f"{where}: {key} must be {number}, not {' '.join(values)!r}")
 
 
 def _material(entry: dict[str, list[str]], folder: Path) -> ObjMaterial:

@@ -67,7 +67,10 @@ def read_part_names(folder: Path) -> PartNames:
         label = (
             PartLabel(parts[known[-1]], known[-1]) if known else PartLabel(str(leaf.get("name", UNKNOWN)), ids[-1])
         )
-        for stem in leaf.get("objs", ()):
+        stems = leaf.get("objs", ())
+        if not isinstance(stems, list | tuple):
+            raise AssetError(f"result.json: 'objs' must be a list, not {stems!r}")
+        for stem in stems:
             # an inner node may list its leaves' meshes again: leaves come later in the walk, and win
             by_stem[str(stem)] = label
     return PartNames(by_stem)
@@ -84,7 +87,7 @@ def read_category(folder: Path) -> tuple[Category, str]:
     if data is None:
         raise AssetError(f"PartNet folder {str(folder)!r} has no file 'meta.json'; it must hold one")
     given = data.get("model_cat") if isinstance(data, dict) else None
-    if given not in CATEGORY_OF:
+    if not isinstance(given, str) or given not in CATEGORY_OF:
         raise AssetError(f"{folder.name}/meta.json: model_cat is {given!r}; legal: {', '.join(CATEGORY_OF)}")
     return CATEGORY_OF[given], str(given)
 

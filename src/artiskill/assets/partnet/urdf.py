@@ -13,6 +13,8 @@ from artiskill.errors import AssetError
 from artiskill.geometry.rotations import quat_from_rpy, quat_to_matrix
 
 JOINT_TYPES = ("fixed", "revolute", "continuous", "prismatic")
+# The data set's objects measure about 2 across; beyond this, squares and products would overflow somewhere.
+LARGEST_NUMBER = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +125,7 @@ def _read_mesh(visual: ET.Element, where: str) -> UrdfMesh:
     if mesh is None:
         found = [child.tag for child in visual.findall("geometry/*")]
         raise AssetError(f"{where}: a <visual> must have a <geometry> with a <mesh>; it has {found or 'none'}")
-    scale = _numbers(mesh.get("scale", "1 1 1"), 3, f"{where}: mesh scale")
+    scale = _bounded(mesh.get("scale", "1 1 1"), f"{where}: mesh scale")
     if np.any(scale == 0):
         raise AssetError(f"{where}: a mesh scale of 0 is not legal: {mesh.get('scale')!r}")
     return UrdfMesh(visual.get("name"), _attribute(mesh, "filename", where), _read_pose(visual, where), scale)
@@ -142,7 +144,7 @@ def _read_joint(element: ET.Element, where: str) -> UrdfJoint:
             raise AssetError(f"{where} has no <{tag} link=...>")
         ends.append(_attribute(end, "link", where))
     axis_element = element.find("axis")
-    axis = _numbers("1 0 0" if axis_element is None else axis_element.get("xyz", ""), 3, f"{where}: axis")
+    axis = _bounded("1 0 0" if axis_element is None else axis_element.get("xyz", ""), f"{where}: axis")
     length = float(np.linalg.norm(axis))
     if kind != "fixed" and length < 1e-9:
         raise AssetError(f"{where} has an axis of length 0")
@@ -158,9 +160,8 @@ def _read_pose(element: ET.Element, where: str) -> np.ndarray:
     origin = element.find("origin")
     if origin is None:
         return np.eye(4)
-    xyz = _numbers(origin.get("xyz", "0 0 0"), 3, f"{where}: origin xyz")
-    rpy = _numbers(origin.get("rpy", "0 0 0"), 3, f"{where}: origin rpy")
-    _require_finite(np.concatenate((xyz, rpy)), f"{where}: origin")
+    xyz = _bounded(origin.get("xyz", "0 0 0"), f"{where}: origin xyz")
+    rpy = _bounded(origin.get("rpy", "0 0 0"), f"{where}: origin rpy")
     return pose_matrix(xyz, quat_to_matrix(quat_from_rpy(rpy)))
 
 
@@ -172,15 +173,24 @@ def _attribute(element: ET.Element, key: str, where: str) -> str:
 
 
 def _numbers(text: str, count: int, what: str) -> np.ndarray:
+    """So many numbers, none of them NaN; infinite ones are legal."""
+    number, finite = (
+        (f"{count} numbers", f"{count} finite numbers") if count > 1 else ("a number", "a finite number")
+    )
     try:
         values = np.array([float(word) for word in text.split()])
     except ValueError as error:
-        raise AssetError(f"{what} must be {count} numbers, not {text!r}") from error
-    if len(values) != count or np.isnan(values).any():
-        raise AssetError(f"{what} must be {count} numbers, not {text!r}")
+        raise AssetError(f"{what} must be {number}, not {text!r}") from error
+    if len(values) != count:
+        raise AssetError(f"{what} must be {number}, not {text!r}")
+    if np.isnan(values).any():
+        raise AssetError(f"{what} must be {finite}, not {text!r}")
     return values
 
 
-def _require_finite(values: np.ndarray, what: str) -> None:
-    if not np.isfinite(values).all():
-        raise AssetError(f"{what} must be finite, not {values.tolist()}")
+def _bounded(text: str, what: str) -> np.ndarray:
+    """Three numbers of a size that can be calculated with."""
+    values = _numbers(text, 3, what)
+    if np.abs(values).max() > LARGEST_NUMBER:
+        raise AssetError(f"{what} must be 3 finite numbers of at most {LARGEST_NUMBER:g}, not {text!r}")
+    return values

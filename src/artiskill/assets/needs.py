@@ -1,0 +1,83 @@
+"""What a task needs of an object: a category, and a link that moves one way and carries a handle."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from artiskill.assets.articulated_object import ArticulatedObject, Category, JointKind
+from artiskill.errors import AssetError
+
+_WORDS: dict[JointKind, str] = {"prismatic": "drawer", "revolute": "door"}
+
+
+@dataclass(frozen=True)
+class MovingLink:
+    """A link with a joint; `usable`: it carries a handle with which it can be opened."""
+
+    name: str
+    motion: JointKind
+    usable: bool
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What a task needs.
+
+    Attributes:
+        task: its name, for messages.
+        category: of the objects.
+        motion: joint kind of the target links.
+    """
+
+    task: str
+    category: Category
+    motion: JointKind
+
+    def check_category(self, name: str, category: str) -> None:
+        """Refuse an object of another category.
+
+        Raises:
+            AssetError: it is one; the message says which.
+        """
+        if category != self.category:
+            raise AssetError(f"object {name!r} is a {category}; {self.task} needs a {self.category}")
+
+    def check_links(self, name: str, links: Iterable[MovingLink]) -> None:
+        """Refuse an object without a target.
+
+        Raises:
+            AssetError: no link moves as needed and carries a handle; the message says what there is.
+        """
+        links = tuple(links)
+        if any(link.usable and link.motion == self.motion for link in links):
+            return
+        found = ", ".join(
+            f"{_WORDS[link.motion]} {link.name} ({'with a' if link.usable else 'no usable'} handle)"
+            for link in links
+        )
+        raise AssetError(
+            f"object {name!r} has no {_WORDS[self.motion]} with a handle, so {self.task} has no target; it has: "
+            f"{found or 'no moving link'}. list_objects(task={self.task!r}) names objects that have one"
+        )
+
+    def check_object(self, obj: ArticulatedObject) -> None:
+        """Refuse an object of another category or without a target.
+
+        Raises:
+            AssetError: it is one.
+        """
+        self.check_category(obj.id, obj.category)
+        links = (obj.links[i] for i in obj.jointed_links)
+        self.check_links(
+            obj.id,
+            (MovingLink(k.name, k.joint.kind, bool(obj.handles_of(k.name))) for k in links if k.joint is not None),
+        )
+
+
+# The tasks whose targets are the links that move by one kind of joint.
+TASK_NEEDS = {
+    needs.task: needs
+    for needs in (
+        Needs("OpenCabinetDrawer", "cabinet", "prismatic"),
+        Needs("OpenCabinetDoor", "cabinet", "revolute"),
+    )
+}
