@@ -7,6 +7,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,7 @@ import pytest
 from artiskill import __version__
 from artiskill.cli.main import main
 from artiskill.cli.parser import UsageError, overrides_of
+from artiskill.evaluation.reservation import reserved
 
 Capture = pytest.CaptureFixture[str]
 SMALL = ["--objects", "cabinet-0005", "--episodes", "1", "--workers", "1"]
@@ -79,6 +82,7 @@ def test_version(capsys: Capture) -> None:
         ("evaluate --video film.avi", "must end in .gif"),
         ("evaluate --video film.gif --video-episodes 0", "must be at least 1"),
         ("evaluate --workers 0", "workers must be"),
+        ("evaluate --step-timeout 0", "must be a positive number of seconds, not 0.0"),
         ("evaluate --seed -1", "a level is an integer from 0"),
         ("evaluate more", "unexpected argument 'more'"),
         ("config shw OpenCabinetDrawer", "did you mean 'show'?"),
@@ -113,6 +117,21 @@ def test_a_failing_solution_leaves_nothing(tmp_path: Path, capsys: Capture) -> N
     assert [path.name for path in tmp_path.iterdir()] == ["solution.py"]
 
 
+def test_only_one_evaluation_per_folder(tmp_path: Path, capsys: Capture) -> None:
+    with reserved(tmp_path):
+        assert main(["evaluate", "--policy", "random", *SMALL, "--out", str(tmp_path)]) == 2
+    shown = capsys.readouterr()
+    assert re.fullmatch(r"error: another evaluation \(process \d+\) writes to .*\n", shown.err)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_report_that_could_not_be_written_is_not_made(tmp_path: Path, capsys: Capture) -> None:
+    (tmp_path / "report.json").mkdir()
+    assert main(["evaluate", "--policy", "random", *SMALL, "--out", str(tmp_path)]) == 2
+    assert "report.json' is a folder" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["report.json"]
+
+
 def test_debug_shows_the_traceback() -> None:
     with pytest.raises(UsageError):
         main(["evaluate", "more", "--debug"])
@@ -133,27 +152,71 @@ def test_help_is_light_and_quick() -> None:
     assert done.stdout.splitlines()[-1] == "heavy:"
 
 
-@pytest.mark.parametrize("workers", ["1", "2"])
-def test_ctrl_c_is_quiet(tmp_path: Path, workers: str) -> None:
-    arguments = ["evaluate", "--policy", "random", "--workers", workers, "--out", str(tmp_path / "out")]
+def busy_processes(group: int) -> list[str]:
+    """State lines of the processes of a group that compute."""
+    lines = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            lines.append(path.read_text())
+    fields = {line: line.rpartition(")")[2].split() for line in lines}
+    return [line for line, (state, _, its_group, *_) in fields.items() if state == "R" and int(its_group) == group]
+
+
+@contextmanager
+def evaluation(folder: Path, policy: str, workers: int, *arguments: str) -> Iterator["subprocess.Popen[str]"]:
+    """A running evaluation of a solution `solution.py` in the folder, which has begun to act in all workers."""
+    (folder / "solution.py").write_text(
+        "import os\nfrom pathlib import Path\ndef policy(observation):\n"
+        f"    Path(__file__).with_name(f'acts-{{os.getpid()}}').touch()\n{policy}"
+    )
+    arguments = ("--out", str(folder / "out"), "--workers", str(workers), *arguments)
     process = subprocess.Popen(
-        [*COMMAND, *arguments, "--objects", "all", "--episodes", "100"],
+        [*COMMAND, "evaluate", "--policy", str(folder / "solution.py"), *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,  # so that the signal reaches its workers, as a terminal's would, but not us
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
-    time.sleep(4)
-    assert process.poll() is None
-    os.killpg(process.pid, signal.SIGINT)
-    start = time.perf_counter()
-    shown, error = process.communicate(timeout=60)
+    try:
+        end = time.perf_counter() + 60
+        while len(list(folder.glob("acts-*"))) < workers and time.perf_counter() < end:
+            time.sleep(0.05)
+        assert process.poll() is None
+        yield process
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+    assert {path.name.split("-")[0] for path in folder.iterdir()} == {"acts", "solution.py"}
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_ctrl_c_is_quiet(tmp_path: Path, workers: int) -> None:
+    arguments = ["--objects", "test", "--episodes", "1000"]
+    with evaluation(tmp_path, "    return [0.0] * 13\n", workers, *arguments) as process:
+        os.killpg(process.pid, signal.SIGINT)
+        start = time.perf_counter()
+        shown, error = process.communicate(timeout=60)
     assert time.perf_counter() - start < 5  # one episode at most, not all that were planned
     assert process.returncode == 130
-    assert "Traceback" not in error
+    assert (shown, error) == ("", "")
+
+
+def test_ctrl_c_ends_a_policy_that_hangs(tmp_path: Path) -> None:
+    arguments = ["--objects", "cabinet-0005", "cabinet-0010"]
+    with evaluation(tmp_path, "    while True:\n        pass\n", 2, *arguments) as process:
+        process.send_signal(signal.SIGINT)
+        start = time.perf_counter()
+        shown, error = process.communicate(timeout=60)
+        seconds = time.perf_counter() - start
+        time.sleep(0.5)  # Python's own helper process ends a little later
+        assert not busy_processes(process.pid)
+    assert seconds < 10
+    assert process.returncode == 130
+    named = "; ".join(f"{tmp_path}/solution.py, object {name}" for name in ("cabinet-0005", "cabinet-0010"))
+    assert error == f"interrupted: ended workers that did not stop by themselves ({named})\n"
     assert shown == ""
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_reader_that_leaves_is_no_error() -> None:

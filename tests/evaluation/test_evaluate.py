@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -6,7 +7,9 @@ import numpy as np
 import pytest
 
 import artiskill
-from artiskill.errors import ArtiSkillError, ConfigError, PolicyError, UnknownNameError
+from artiskill.assets.catalog import read_catalog
+from artiskill.errors import ArtiSkillError, AssetError, ConfigError, PolicyError, UnknownNameError
+from artiskill.evaluation import workers
 from artiskill.evaluation.episodes import EpisodeResult
 from artiskill.evaluation.evaluate import evaluate
 from artiskill.evaluation.plan import make_plan
@@ -41,11 +44,25 @@ def comparable(report: Report) -> dict[str, Any]:
 def test_the_report_has_what_the_schema_says(report: Report) -> None:
     mapping = report.to_mapping()
     assert {"task", "success_rate", "interval", "objects", "config", "versions"} <= mapping.keys()
-    keys = {"object", "target", "episodes", "successes", "success_rate", "interval", "flags", "mean_length"}
+    keys = {
+        "object",
+        "target",
+        "content_hash",
+        "episodes",
+        "successes",
+        "success_rate",
+        "interval",
+        "flags",
+        "mean_length",
+    }
     assert [row.keys() for row in mapping["objects"]] == [keys, keys]
     assert [row["object"] for row in mapping["objects"]] == OBJECTS
     assert mapping["config"]["success"]["open_fraction"] == 0.9
+    hashes = [artiskill.load_object(name).content_hash for name in OBJECTS]
+    assert [row["content_hash"] for row in mapping["objects"]] == hashes
     assert mapping["versions"]["artiskill"] == artiskill.__version__
+    assert {"numpy", "scipy", "numba", "llvmlite", "gymnasium", "mujoco-core"} < mapping["versions"].keys()
+    assert "unknown" not in mapping["versions"].values()
 
 
 def test_rows_and_total_add_up(report: Report) -> None:
@@ -114,9 +131,48 @@ def test_a_solution_is_run_anew_for_every_object(solution: Callable[[str], Path]
         evaluate(TASK, path, OBJECTS, 3, config=SHORT)
 
 
-def test_faults_in_a_worker_are_told_as_well(solution: Callable[[str], Path]) -> None:
-    with pytest.raises(PolicyError, match="returned None; an action is 13 finite numbers"):
-        evaluate(TASK, solution("def policy(o):\n    pass\n"), OBJECTS, 1, workers=2)
+@pytest.mark.parametrize("num_workers", [1, 2])
+def test_an_error_is_of_the_same_kind_for_any_number_of_workers(num_workers: int) -> None:
+    objects = ["cabinet-0028", "cabinet-0005"]  # of one joint, and of three
+    with pytest.raises(AssetError, match="3 joints"):
+        evaluate(TASK, "random", objects, 1, config=SHORT | {"max_object_joints": 1}, workers=num_workers)
+
+
+def test_a_policy_that_ends_its_worker_is_named_with_its_object(solution: Callable[[str], Path]) -> None:
+    path = solution("import os\ndef policy(o):\n    os._exit(3)\n")
+    says = rf"^{path}, object cabinet-0010: a worker process ended by itself \(exit status 3\)"
+    with pytest.raises(PolicyError, match=says):
+        evaluate(TASK, path, OBJECTS[1], 1, step_timeout_s=60)
+
+
+def test_a_time_limit_for_each_action(solution: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "_GRACE_S", 0.2)
+    path = solution(
+        "import time\nclass Policy:\n    obs_mode = 'state'\n"
+        "    def reset(self, observation, info):\n        self.level, self.step = info['level'], 0\n"
+        "    def act(self, observation):\n"
+        "        while (self.level, self.step) == (3, 2):\n            pass\n"
+        "        self.step += 1\n        return [0.0] * 13\n"
+    )
+    says = rf"^{path}: no action within 0.5 s \(object cabinet-0005, level 3, step 2\)$"
+    with pytest.raises(PolicyError, match=says):
+        evaluate(TASK, path, OBJECTS[0], 2, 2, config=SHORT, step_timeout_s=0.5)
+    limited = evaluate(TASK, path, OBJECTS[0], 1, config=SHORT, step_timeout_s=30)
+    assert comparable(limited) == comparable(evaluate(TASK, path, OBJECTS[0], 1, config=SHORT))
+
+
+def test_objects_that_are_not_the_catalogues(monkeypatch: pytest.MonkeyPatch) -> None:
+    cabinet = artiskill.load_object("cabinet-0005")
+    changed = replace(cabinet, bounds=cabinet.bounds + 0.01)
+    says = rf"'cabinet-0005' has the content hash {changed.content_hash}, but .* {cabinet.content_hash}:"
+    with pytest.raises(AssetError, match=says):
+        make_plan(TASK, "random", changed)
+    make_plan(TASK, "random", replace(changed, id="my-cabinet"))
+    category, entry = read_catalog()["cabinet-0010"]
+    other = replace(entry, content_hash="0123456789abcdef")
+    monkeypatch.setitem(read_catalog(), "cabinet-0010", (category, other))
+    with pytest.raises(AssetError, match=f"'cabinet-0010' has .* {entry.content_hash}, but .* 0123456789abcdef:"):
+        make_plan(TASK, "random", "cabinet-0010")
 
 
 @pytest.mark.parametrize(
@@ -134,6 +190,10 @@ def test_faults_in_a_worker_are_told_as_well(solution: Callable[[str], Path]) ->
         ({"config": {"episode_stps": 3}}, ConfigError, "did you mean 'episode_steps'"),
         ({"workers": 0}, ConfigError, "workers"),
         ({"workers": 2, "policy": Still()}, ConfigError, "only a policy given by name or path"),
+        ({"step_timeout_s": 5, "policy": Still()}, ConfigError, "only a policy given by name or path"),
+        ({"step_timeout_s": 0}, ConfigError, "time limit per step must be a positive number of seconds, not 0"),
+        ({"step_timeout_s": float("nan")}, ConfigError, "not nan"),
+        ({"step_timeout_s": "5"}, ConfigError, "not '5'"),
     ],
 )
 def test_bad_input(change: dict[str, Any], error: type[ArtiSkillError], says: str) -> None:

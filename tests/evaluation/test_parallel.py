@@ -1,11 +1,14 @@
 import os
+import signal
 import time
 from collections.abc import Callable
 
 import pytest
 
-from artiskill.errors import ArtiSkillError, PolicyError
+from artiskill.errors import PolicyError, UnknownNameError
+from artiskill.evaluation import workers as workers_module
 from artiskill.evaluation.parallel import available_cores, run_jobs
+from artiskill.evaluation.workers import IDLE, Busy
 
 Tell = Callable[[object], None]
 
@@ -29,6 +32,43 @@ def vanish(job: int, tell: Tell) -> int:
     os._exit(7)
 
 
+def killed(job: int, tell: Tell) -> None:
+    if job == 1:
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(0.5)
+
+
+def fail(job: Exception, tell: Tell) -> None:
+    raise job
+
+
+class HomebodyError(Exception):
+    def __init__(self, first: int, second: int) -> None:
+        super().__init__(f"{first} and {second}")
+
+
+def fail_at_home(job: int, tell: Tell) -> None:
+    raise HomebodyError(3, 4)
+
+
+def hang_or_stumble(job: int, tell: Tell) -> None:
+    if job == 1:
+        time.sleep(0.3)
+        raise PolicyError("job 1 stumbled")
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    while True:
+        pass
+
+
+def dawdle(job: int, tell: Tell) -> int:
+    tell(Busy(f"job {job} dawdles", 0.5))
+    time.sleep(5.0 * (job == 2))
+    tell(IDLE)
+    time.sleep(0.7)  # within no limit
+    tell(job)
+    return job
+
+
 @pytest.mark.parametrize("workers", [1, 2])
 def test_results_keep_their_order_and_all_news_arrives(workers: int) -> None:
     news: list[object] = []
@@ -44,8 +84,43 @@ def test_an_error_ends_the_other_jobs() -> None:
 
 
 def test_a_vanished_worker_is_explained() -> None:
-    with pytest.raises(ArtiSkillError, match="a worker process ended by itself"):
-        run_jobs(vanish, [0, 1], 2)
+    with pytest.raises(PolicyError, match=r"^job [01]: a worker process ended by itself \(exit status 7\)"):
+        run_jobs(vanish, [0, 1], 2, describe="job {}".format)
+    with pytest.raises(PolicyError, match=r"^1: a worker process ended by itself \(killed by signal 9, Killed\)"):
+        run_jobs(killed, [0, 1], 2)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("error", [UnknownNameError("thing", "a", ["b"]), KeyError("x")])
+def test_errors_are_the_same_for_any_number_of_workers(workers: int, error: Exception) -> None:
+    with pytest.raises(type(error)) as caught:
+        run_jobs(fail, [error, error], workers)
+    assert str(caught.value) == str(error)
+    if workers > 1:
+        assert "in fail\n" in caught.value.__notes__[0]
+
+
+def test_an_error_that_cannot_travel_is_told_by_its_text() -> None:
+    with pytest.raises(RuntimeError, match=r"^HomebodyError: 3 and 4\n"):
+        run_jobs(fail_at_home, [3, 4], 2)
+
+
+def test_a_hanging_job_does_not_hold_an_error_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers_module, "_GRACE_S", 0.2)
+    start = time.perf_counter()
+    with pytest.raises(PolicyError, match="job 1 stumbled"):
+        run_jobs(hang_or_stumble, [0, 1], 2)
+    assert time.perf_counter() - start < 10
+
+
+def test_a_job_of_another_process_may_have_a_time_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers_module, "_GRACE_S", 0.2)
+    news: list[object] = []
+    start = time.perf_counter()
+    with pytest.raises(PolicyError, match="job 2 dawdles"):
+        run_jobs(dawdle, [0, 2], 1, news.append, own_process=True)
+    assert time.perf_counter() - start < 10
+    assert news == [0]
 
 
 def test_cores() -> None:

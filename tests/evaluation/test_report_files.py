@@ -84,3 +84,36 @@ def test_folders_that_cannot_be(tmp_path: Path) -> None:
         check_folder(tmp_path / "file" / "below")
     check_folder(tmp_path / "new" / "below")
     assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("blocked", REPORT_FILES)
+def test_a_folder_in_a_files_place_is_seen_before_anything_is_written(
+    report: Report, tmp_path: Path, blocked: str
+) -> None:
+    (tmp_path / blocked).mkdir()
+    with pytest.raises(ConfigError, match=f"{blocked}' is a folder"):
+        write_report(report, tmp_path)
+    assert os.listdir(tmp_path) == [blocked]
+
+
+@pytest.mark.parametrize("has_earlier", [True, False])
+@pytest.mark.parametrize("stop", [KeyboardInterrupt(), OSError(5, "Input/output error")])
+def test_what_stops_the_writing_halfway_leaves_all_as_it_was(
+    report: Report, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stop: BaseException, has_earlier: bool
+) -> None:
+    if has_earlier:
+        write_report(report, tmp_path)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    move, moved = os.replace, []
+
+    def stumble(source: Path, target: Path) -> None:
+        move(source, target)
+        moved.append(target.name)
+        if len(moved) == 3:
+            raise stop
+
+    monkeypatch.setattr(os, "replace", stumble)
+    with pytest.raises((ConfigError, KeyboardInterrupt)):
+        write_report(replace(report, policy="other", config={}), tmp_path)
+    assert moved[:3] == list(REPORT_FILES[:3])
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before

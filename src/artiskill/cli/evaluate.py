@@ -1,6 +1,7 @@
 """`artiskill evaluate`: a policy's success on many objects, shown, written down and filmed."""
 
 import argparse
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +41,9 @@ def add_command(commands: Any) -> None:
     parser.add_argument("--obs-mode", help="what the policy sees (default: what it asks for, else state)")
     parser.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="task settings")
     parser.add_argument("--workers", type=int, help="processes (default: one per core)")
+    parser.add_argument(
+        "--step-timeout", type=float, metavar="SECONDS", help="time limit for each action (default: none)"
+    )
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="write report.json, .csv, .md and more here")
     parser.add_argument("--video", type=Path, metavar="FILE", help="film episodes: .gif, .webp or .mp4")
     parser.add_argument("--video-episodes", type=int, default=3, help="how many objects to film (default: 3)")
@@ -49,18 +53,17 @@ def add_command(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Check everything, evaluate, write, film, and show the table."""
     from artiskill.cli.parser import overrides_of
-    from artiskill.cli.progress import Progress
-    from artiskill.cli.table import print_report
-    from artiskill.evaluation.evaluate import check_workers, run_plan
+    from artiskill.evaluation.evaluate import check_workers
     from artiskill.evaluation.parallel import available_cores
     from artiskill.evaluation.plan import make_plan
     from artiskill.evaluation.recording import check_video
-    from artiskill.evaluation.report_files import check_folder
+    from artiskill.evaluation.report_files import check_report_folder
+    from artiskill.evaluation.reservation import reserved
 
     if arguments.video is not None:
         check_video(arguments.video, arguments.video_episodes)
     if arguments.out is not None:
-        check_folder(arguments.out)
+        check_report_folder(arguments.out)
     plan = make_plan(
         task=arguments.task,
         policy=arguments.policy,
@@ -72,24 +75,40 @@ def run(arguments: argparse.Namespace) -> None:
         config=overrides_of(arguments.set),
     )
     workers = available_cores() if arguments.workers is None else arguments.workers
-    check_workers(plan, workers)
+    check_workers(plan, workers, arguments.step_timeout)
+    with nullcontext() if arguments.out is None else reserved(arguments.out):
+        report = _evaluate(arguments, plan, workers)
+        _write(arguments, plan, report, workers)
+
+
+def _evaluate(arguments: argparse.Namespace, plan: "Plan", workers: int) -> "Report":
+    from artiskill.cli.progress import Progress
+    from artiskill.cli.table import print_report
+    from artiskill.evaluation.evaluate import run_plan
+
     with Progress(f"{plan.task.name}, {plan.policy_name}", plan.num_episodes, "episodes") as progress:
-        report = run_plan(plan, workers, lambda result: progress.advance(result.success))
+        report = run_plan(plan, workers, lambda result: progress.advance(result.success), arguments.step_timeout)
     print_report(report)
-    _write(arguments, plan, report, workers)
+    return report
 
 
 def _write(arguments: argparse.Namespace, plan: "Plan", report: "Report", workers: int) -> None:
     from artiskill.cli.progress import Progress
     from artiskill.evaluation.recording import record_video
-    from artiskill.evaluation.report_files import write_report
+    from artiskill.evaluation.report_files import write_files
 
     if arguments.out is not None:
-        print(f"report: {write_report(report, arguments.out)}/report.md")
+        write_files(report, arguments.out)
+        print(f"report: {arguments.out}/report.md")
     if arguments.video is not None:
         count = min(arguments.video_episodes, len(plan.batches))
         with Progress("filming", count, "episodes") as progress:
             record_video(
-                plan, arguments.video, count, workers, lambda news: progress.advance() if news.done else None
+                plan,
+                arguments.video,
+                count,
+                workers,
+                lambda news: progress.advance() if news.done else None,
+                arguments.step_timeout,
             )
         print(f"video: {arguments.video}")

@@ -33,9 +33,11 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise
         print(f"error: {error}", file=sys.stderr)
         return EXIT_ERROR
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interrupt:
         if debug:
             raise
+        if str(interrupt):
+            print(interrupt, file=sys.stderr)
         return EXIT_INTERRUPTED
     except BrokenPipeError:  # `artiskill objects | head -1`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains while it ends

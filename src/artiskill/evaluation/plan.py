@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.catalog import load_object, object_id_of, resolve_objects
+from artiskill.assets.catalog import load_object, object_id_of, read_catalog, resolve_objects
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
-from artiskill.errors import ConfigError, PolicyError
+from artiskill.errors import AssetError, ConfigError, PolicyError
 from artiskill.evaluation.policies import POLICY_NAMES, load_policy
 from artiskill.tasks.levels import check_level
 from artiskill.tasks.registry import make_task
@@ -32,6 +32,7 @@ class EpisodeBatch:
         levels: of the episodes.
         policy: as `load_policy` takes it.
         obs_mode: of the environment.
+        content_hash: of the object.
     """
 
     task: str
@@ -41,6 +42,13 @@ class EpisodeBatch:
     levels: tuple[int, ...]
     policy: Any
     obs_mode: str
+    content_hash: str
+
+    @property
+    def label(self) -> str:
+        """Policy, object and, if it is fixed, target, as errors name them."""
+        target = f", target {self.target}" if self.target else ""
+        return f"{self.policy}, object {object_id_of(self.object)}{target}"
 
     @property
     def row(self) -> tuple[str, str]:
@@ -105,7 +113,7 @@ def make_plan(
     Raises:
         UnknownNameError: an unknown task, object, split, target link, observation mode or policy.
         ConfigError: an illegal number of episodes or level, or an unknown or illegal configuration value.
-        AssetError: an object that the task cannot use.
+        AssetError: an object that the task cannot use, or that differs from the catalogue's of that id.
         PolicyError: a policy that cannot be loaded or needs another observation mode.
     """
     levels = _levels(episodes, first_level)
@@ -116,8 +124,8 @@ def make_plan(
     obs_mode = obs_mode or actor.obs_mode or _DEFAULT_OBS_MODE
     policy = policy if callable(policy) or hasattr(policy, "act") else str(policy)
     batches = tuple(
-        EpisodeBatch(task, dict(config or {}), item, link, levels, policy, obs_mode)
-        for item in resolve_objects(objects, task=task)
+        EpisodeBatch(task, dict(config or {}), item, link, levels, policy, obs_mode, content_hash)
+        for item, content_hash in [(o, _checked_hash(o)) for o in resolve_objects(objects, task=task)]
         for link in _targets(resolved, item, target)
     )
     for batch in batches[: len(batches) if target else 1]:  # a given target must exist on every object
@@ -137,6 +145,18 @@ def _targets(task: Task, item: str | ArticulatedObject, target: str | None) -> t
     if target != ALL_TARGETS:
         return (target,)
     return task.targets(load_object(item) if isinstance(item, str) else item)
+
+
+def _checked_hash(item: str | ArticulatedObject) -> str:
+    """The hash of an object's content; under an id of the catalogue it must be the catalogue's."""
+    found = load_object(item) if isinstance(item, str) else item
+    given, listed = found.content_hash, read_catalog().get(found.id)
+    if listed is not None and listed[1].content_hash != given:
+        raise AssetError(
+            f"object {found.id!r} has the content hash {given}, but the catalogue's has {listed[1].content_hash}: "
+            "its numbers could not be compared with those of others; an object of one's own needs another id"
+        )
+    return given
 
 
 def _digest(policy: Any) -> str | None:

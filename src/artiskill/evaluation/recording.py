@@ -3,7 +3,9 @@
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from artiskill.evaluation.parallel import run_jobs
 from artiskill.evaluation.plan import EpisodeBatch, Plan
 from artiskill.evaluation.policies import load_policy
 from artiskill.evaluation.report_files import check_folder
+from artiskill.evaluation.time_limit import TimedActor
 from artiskill.evaluation.video import caption, write_video
 from artiskill.tasks.open_cabinet.goal import OpenGoal
 
@@ -37,6 +40,7 @@ def record_video(
     count: int = 1,
     workers: int = 1,
     on_frame: Callable[[FrameDrawn], None] | None = None,
+    step_timeout_s: float | None = None,
 ) -> Path:
     """Play the first level of the first objects of a plan again, and write what it looks like.
 
@@ -48,15 +52,23 @@ def record_video(
         count: how many objects; at most all of the plan.
         workers: processes that draw.
         on_frame: called after each frame.
+        step_timeout_s: for each action, as in `evaluate`.
 
     Raises:
         ConfigError: an illegal path or number.
-        PolicyError: the policy raises or returns no legal action.
+        PolicyError: the policy raises, returns no legal action, takes too long, or ends its process.
     """
     path = Path(path)
     check_video(path, count)
-    check_workers(plan, workers)
-    strips = run_jobs(_record, plan.batches[:count], workers, on_frame)
+    check_workers(plan, workers, step_timeout_s)
+    strips = run_jobs(
+        partial(_record, limit_s=step_timeout_s),
+        plan.batches[:count],
+        workers,
+        on_frame,
+        describe=lambda batch: batch.label,
+        own_process=step_timeout_s is not None,
+    )
     frames = [frame for strip in strips for frame in strip]
     try:
         return write_video(path, frames, _FRAMES_PER_S)
@@ -81,7 +93,7 @@ def check_video(path: Path | str, count: int = 1) -> None:
         write_video(Path(folder) / path.name, [np.zeros((16, 16, 3), np.uint8)], _FRAMES_PER_S)
 
 
-def _record(batch: EpisodeBatch, tell: Callable[[FrameDrawn], None]) -> list[np.ndarray]:
+def _record(batch: EpisodeBatch, tell: Callable[[Any], None], limit_s: float | None = None) -> list[np.ndarray]:
     frames: list[np.ndarray] = []
 
     def watch(env: ManipulationEnv, steps: int, done: bool) -> None:
@@ -89,7 +101,10 @@ def _record(batch: EpisodeBatch, tell: Callable[[FrameDrawn], None]) -> list[np.
             frames.append(caption(env.render(), _caption(env, done)))
             tell(FrameDrawn(steps, done))
 
-    run_episode(batch.make_env("rgb_array"), load_policy(batch.policy), batch.levels[0], watch)
+    actor = load_policy(batch.policy)
+    if limit_s is not None:
+        actor = TimedActor(actor, limit_s, tell)
+    run_episode(batch.make_env("rgb_array"), actor, batch.levels[0], watch)
     return frames + [frames[-1]] * round(_LAST_FRAME_S * _FRAMES_PER_S)
 
 

@@ -12,7 +12,16 @@ from artiskill.evaluation.intervals import wilson_interval
 from artiskill.evaluation.plan import Plan
 
 # Distributions on which the numbers depend.
-_DISTRIBUTIONS = ("artiskill", "mujoco-core", "numpy", "scipy", "gymnasium")
+_DISTRIBUTIONS = (
+    "artiskill",
+    "mujoco-core",
+    "numpy",
+    "scipy",
+    "numba",
+    "llvmlite",
+    "array-api-compat",
+    "gymnasium",
+)
 
 
 @dataclass(frozen=True)
@@ -38,11 +47,24 @@ class Tally:
 
 @dataclass(frozen=True)
 class ObjectRow:
-    """The tally of one object; `target` is `any` where each level drew its own."""
+    """The tally of one object.
+
+    Attributes:
+        object: its id.
+        target: the target link; `any` where each level drew its own.
+        content_hash: of the object.
+        tally: over its episodes.
+    """
 
     object: str
     target: str
+    content_hash: str
     tally: Tally
+
+    def to_mapping(self) -> dict[str, Any]:
+        """An entry of `objects` in report.json."""
+        head = {"object": self.object, "target": self.target, "content_hash": self.content_hash}
+        return head | to_mapping(self.tally)
 
 
 @dataclass(frozen=True)
@@ -89,7 +111,7 @@ class Report:
             "obs_mode": self.obs_mode,
             "levels": list(self.levels),
             **to_mapping(self.total),
-            "objects": [{"object": r.object, "target": r.target, **to_mapping(r.tally)} for r in self.rows],
+            "objects": [row.to_mapping() for row in self.rows],
             "config": self.config,
             "versions": self.versions,
             "timing": self.timing,
@@ -115,7 +137,9 @@ def make_report(plan: Plan, results: Sequence[Sequence[EpisodeResult]], seconds:
         obs_mode=plan.obs_mode,
         levels=(levels[0], levels[-1]),
         total=count(episodes),
-        rows=tuple(ObjectRow(*b.row, count(r)) for b, r in zip(plan.batches, results, strict=True)),
+        rows=tuple(
+            ObjectRow(*b.row, b.content_hash, count(r)) for b, r in zip(plan.batches, results, strict=True)
+        ),
         episodes=episodes,
         config=to_mapping(plan.task.config),
         versions=versions(),

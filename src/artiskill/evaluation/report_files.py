@@ -12,6 +12,7 @@ from pathlib import Path
 from artiskill.config import dump_yaml
 from artiskill.errors import ConfigError
 from artiskill.evaluation.report import Report, Tally
+from artiskill.evaluation.reservation import reserved
 
 REPORT_FILES = ("config.yaml", "episodes.csv", "report.csv", "report.md", "report.json")
 
@@ -25,10 +26,22 @@ def write_report(report: Report, folder: Path | str) -> Path:
         The folder.
 
     Raises:
-        ConfigError: the folder cannot be made or written to.
+        ConfigError: the folder cannot be made or written to, or another evaluation is writing to it.
     """
     folder = Path(folder)
-    check_folder(folder)
+    check_report_folder(folder)
+    with reserved(folder):
+        write_files(report, folder)
+    return folder
+
+
+def write_files(report: Report, folder: Path) -> None:
+    """`write_report` to a folder that is there and already `reserved`.
+
+    Raises:
+        ConfigError: it cannot be written to; an earlier report is then as it was.
+    """
+    check_report_folder(folder)
     texts = {
         "config.yaml": dump_yaml(report.config),
         "episodes.csv": episodes_csv(report),
@@ -37,18 +50,32 @@ def write_report(report: Report, folder: Path | str) -> Path:
         "report.json": json.dumps(report.to_mapping(), indent=2) + "\n",
     }
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=".report-", dir=folder))
-        try:
-            for name in REPORT_FILES:
-                (temporary / name).write_text(texts[name], encoding="utf-8")
-            for name in REPORT_FILES:
-                os.replace(temporary / name, folder / name)
-        finally:
-            shutil.rmtree(temporary, ignore_errors=True)
+        with tempfile.TemporaryDirectory(prefix=".report-", dir=folder) as name:
+            temporary = Path(name)
+            for file in REPORT_FILES:
+                (temporary / file).write_text(texts[file], encoding="utf-8")
+            _replace_all(temporary, folder)
     except OSError as error:
-        raise ConfigError(f"cannot write the report to {str(folder)!r}: {error.strerror}") from error
-    return folder
+        raise ConfigError(f"cannot write the report to {str(folder)!r}: {error.strerror or error}") from error
+
+
+def _replace_all(new: Path, folder: Path) -> None:
+    """Move the new files to their places; if that is stopped halfway, put the old ones back."""
+    old = new / "old"
+    old.mkdir()
+    for file in REPORT_FILES:
+        if (folder / file).exists():
+            shutil.copy2(folder / file, old / file)
+    try:
+        for file in REPORT_FILES:
+            os.replace(new / file, folder / file)
+    except BaseException:  # Ctrl-C, too
+        for file in REPORT_FILES:
+            if (old / file).exists():
+                os.replace(old / file, folder / file)
+            elif not (new / file).exists():  # was moved
+                (folder / file).unlink()
+        raise
 
 
 def check_folder(folder: Path) -> None:
@@ -62,6 +89,18 @@ def check_folder(folder: Path) -> None:
         raise ConfigError(f"cannot write to {str(folder)!r}: {str(existing)!r} is not a folder")
     if not os.access(existing, os.W_OK | os.X_OK):
         raise ConfigError(f"cannot write to {str(folder)!r}: no permission for {str(existing)!r}")
+
+
+def check_report_folder(folder: Path) -> None:
+    """`check_folder`, and that all files of a report can have their places in it.
+
+    Raises:
+        ConfigError: they cannot.
+    """
+    check_folder(folder)
+    for file in REPORT_FILES:
+        if (folder / file).is_dir():
+            raise ConfigError(f"cannot write the report: {str(folder / file)!r} is a folder")
 
 
 def report_csv(report: Report) -> str:

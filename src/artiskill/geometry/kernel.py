@@ -31,7 +31,7 @@ def kernel(function: F) -> F:
 def drop_stale_code(package: Path) -> bool:
     """Delete compiled kernels if any kernel's source has changed since they were compiled.
 
-    Numba looks at the file of the called kernel only. Code that it took in from kernels of other files would stay old
+    Numba looks at the file of the called kernel only. Code taken in from kernels of other files would stay old
     after an edit or a `git pull`.
 
     Args:

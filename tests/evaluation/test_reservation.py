@@ -1,0 +1,59 @@
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from artiskill.errors import ConfigError
+from artiskill.evaluation.reservation import LOCK_FILE, reserved
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from artiskill.evaluation.reservation import reserved
+with reserved(Path(sys.argv[1])):
+    print("holds", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_one_at_a_time(tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "out"
+    with reserved(folder):
+        with pytest.raises(
+            ConfigError, match=rf"another evaluation \(process {os.getpid()}\) writes to '{folder}'"
+        ):
+            reserved(folder).__enter__()
+        (folder / "result").touch()
+        assert (folder / LOCK_FILE).exists()
+    assert [path.name for path in folder.iterdir()] == ["result"]
+    with reserved(folder):
+        pass
+
+
+def test_nothing_made_in_vain_stays(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    with pytest.raises(KeyboardInterrupt), reserved(tmp_path / "mine" / "a" / "b"):
+        raise KeyboardInterrupt
+    assert [path.name for path in tmp_path.rglob("*")] == ["mine"]
+
+
+def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(ConfigError, match="Not a directory"), reserved(tmp_path / "file" / "out"):
+        pass
+
+
+def test_the_lock_of_a_killed_process_is_none(tmp_path: Path) -> None:
+    with subprocess.Popen([sys.executable, "-c", HOLD, str(tmp_path)], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        with pytest.raises(ConfigError, match=rf"process {process.pid}\b"), reserved(tmp_path):
+            pass
+        process.send_signal(signal.SIGKILL)
+    assert (tmp_path / LOCK_FILE).read_text() == str(process.pid)
+    with reserved(tmp_path):
+        assert (tmp_path / LOCK_FILE).read_text() == str(os.getpid())
+    assert not list(tmp_path.iterdir())
