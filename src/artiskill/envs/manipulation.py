@@ -68,8 +68,8 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
     draws the next level; `reset(options={"level": ..., "object": ..., "target": ...})` is explicit. An episode
     is `terminated` when the task is solved and `truncated` after `task.episode_steps` steps.
 
-    `info` has `object`, `level`, `target`, `success`, `flags` (condition -> has it held for half a second by now) and
-    `reward_terms`; in visual modes also `cameras`, their intrinsics and extrinsics. To branch an episode use
+    `info` has `object`, `level`, `target`, `success`, `flags` (condition -> has it held for half a second by now)
+    and `reward_terms`; in visual modes also `cameras`, their intrinsics and extrinsics. To branch an episode use
     `save_state`, which pickles; the environment itself holds engine memory and can be neither copied nor pickled.
 
     Args:
