@@ -7,6 +7,7 @@ from artiskill.errors import UnknownNameError
 from artiskill.geometry.meshes import TriMesh
 from artiskill.geometry.rotations import quat_from_axis_angle, quat_from_rpy, quat_multiply, quat_rotate
 from artiskill.robots.arm_config import ArmConfig, ShapeConfig, load_arm
+from artiskill.robots.config import load_robot
 from artiskill.robots.visuals import ROBOT_PARTS, robot_visuals
 
 ONE_ARMED = (*ROBOT_PARTS, "panda_finger")  # the finger is there twice
@@ -43,11 +44,11 @@ def winding_number(mesh: TriMesh, points: np.ndarray) -> np.ndarray:
 
 
 def outside_m(shape: ShapeConfig, points: np.ndarray) -> np.ndarray:
-    """Signed distance from a capsule's or box's surface."""
+    """Signed distance from a capsule's, sphere's or box's surface."""
     inverse = quat_from_rpy(shape.rpy_rad) * (1, -1, -1, -1)
     local = quat_rotate(inverse, points - np.array(shape.position_m))
-    if shape.kind == "capsule":
-        radius, half = shape.size
+    if shape.kind in ("capsule", "sphere"):
+        radius, half = (*shape.size, 0.0)[:2]
         local[:, 2] -= np.clip(local[:, 2], -half, half)
         return np.linalg.norm(local, axis=1) - radius
     assert shape.kind == "box"
@@ -167,3 +168,12 @@ def test_unknown_part_names_the_nearest():
 
 def _shell(part: str) -> TriMesh:
     return next(v.mesh for v in robot_visuals(part) if v.part == f"{part}_white")
+
+
+@pytest.mark.parametrize("part", ["mobile_base", "lift", "torso"])
+def test_trunk_is_covered_by_its_collision_shapes(part):
+    """What a hand could reach into is solid; the visor and the shoulders' caps may stand out a little."""
+    robot = load_robot("one_arm")
+    shapes = {"mobile_base": robot.base, "lift": robot.lift, "torso": robot.torso}[part].collisions
+    outside = np.min([outside_m(shape, vertices(part)) for shape in shapes], axis=0)
+    assert outside.max() < 0.025
