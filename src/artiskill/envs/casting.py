@@ -5,7 +5,8 @@ from typing import Any
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object, resolve_objects
-from artiskill.errors import AssetError, UnknownNameError
+from artiskill.assets.needs import TASK_NEEDS
+from artiskill.errors import UnknownNameError
 from artiskill.tasks.levels import Stream, level_generator
 from artiskill.tasks.task import Task
 
@@ -68,18 +69,10 @@ class Casting:
             UnknownNameError: no such target.
             AssetError: an object of another category, or without a target.
         """
-        name = self.task.name
-        if obj.category != self.task.category:
-            raise AssetError(f"object {obj.id!r}: {name} needs a {self.task.category}, not a {obj.category}")
+        TASK_NEEDS[self.task.name].check_object(obj)
         targets = self.task.targets(obj)
-        if not targets:
-            links = ", ".join(link.name for link in obj.links)
-            raise AssetError(
-                f"object {obj.id!r} has no target for {name}: none of its links ({links}) moves that way and "
-                "carries a handle"
-            )
         if target is not None and target not in targets:
-            raise UnknownNameError("target link", target, targets, f"(object {obj.id!r}, {name})")
+            raise UnknownNameError("target link", target, targets, f"(object {obj.id!r}, {self.task.name})")
         return targets
 
 

@@ -114,7 +114,6 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
         self._progress = Progress(1, self.task.flag_names, self.task.hold_steps)
         self._goal: Goal = None
         self._snapshot: Snapshot | None = None
-        self._object: ArticulatedObject | None = None
         self._target = ""
         self._level = -1
 
@@ -194,11 +193,11 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
 
     def save_state(self) -> EnvState:
         """The instant, detached from the environment."""
-        if self._simulation is None or self._object is None:
+        if self._simulation is None:
             raise ResetNeededError("call reset() before save_state()")
         return EnvState(
             task=self.task.name,
-            object=self._object.id,
+            object=self._simulation.scene.object.id,
             target=self._target,
             level=self._level,
             simulation=self._simulation.save(),
@@ -259,13 +258,13 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
 
     def _enter(self, simulation: Simulation, target: str) -> None:
         """Go over to a simulation and a target."""
-        obj = simulation.scene.object
-        goal = self.task.make_goal(obj, target)
-        if self._simulation is not simulation or self._target != target:
-            self._observer.enter(simulation.scene, target)
+        if self._simulation is simulation and self._target == target:
+            return
+        goal = self.task.make_goal(simulation.scene.object, target)
+        self._observer.enter(simulation.scene, target)
         if self._simulation is not simulation:
             self._view = None
-        self._simulation, self._object, self._target, self._goal = simulation, obj, target, goal
+        self._simulation, self._target, self._goal = simulation, target, goal
 
     def _observe(self, info: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
         """The observation of this instant, and `info` with what its mode adds."""
@@ -280,9 +279,9 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
         values = {name: value.item() for name, value in terms.items()}
         weights = self.task.reward_weights
         counted = self._progress.counted[0].tolist()
-        assert self._object is not None
+        assert self._simulation is not None
         info = {
-            "object": self._object.id,
+            "object": self._simulation.scene.object.id,
             "level": self._level,
             "target": self._target,
             "success": all(counted),

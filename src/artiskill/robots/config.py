@@ -29,20 +29,8 @@ class MountConfig:
 
 
 @dataclass(frozen=True)
-class BaseConfig:
-    """The base, which slides along world x and y and turns about z."""
-
-    range_m: tuple[float, ...]
-    body: BodyConfig
-    collisions: tuple[ShapeConfig, ...]
-
-    def __post_init__(self) -> None:
-        check_range(self, "range_m")
-
-
-@dataclass(frozen=True)
-class LiftConfig:
-    """The lifted column."""
+class SlidingConfig:
+    """A part that slides: the base along world x and y (it also turns about z), the lifted column along z."""
 
     range_m: tuple[float, ...]
     body: BodyConfig
@@ -123,8 +111,8 @@ class RobotConfig:
     name: str
     arm: str
     mounts: tuple[MountConfig, ...]
-    base: BaseConfig
-    lift: LiftConfig
+    base: SlidingConfig
+    lift: SlidingConfig
     torso: TorsoConfig
     drives: DriveConfig
     actions: ActionConfig
