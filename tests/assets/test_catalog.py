@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from artiskill.assets import catalog
-from artiskill.assets.catalog import list_objects, load_object, read_catalog, resolve_objects, task_motion
-from artiskill.assets.needs import TASK_NEEDS
-from artiskill.errors import AssetError, UnknownNameError
+from artiskill.assets.articulated_object import Category
+from artiskill.assets.catalog import list_objects, load_object, resolve_objects
+from artiskill.assets.entries import CATALOG_DIR, CATEGORIES, SPLITS, read_catalog
+from artiskill.assets.needs import TASK_NEEDS, task_needs
+from artiskill.errors import ArtiSkillError, AssetError, UnknownNameError
 
 # spec of the benchmark: objects and targets of each task and split
 COUNTS = {
@@ -19,7 +20,12 @@ COUNTS = {
     ("OpenCabinetDrawer", "test"): (10, 21),
     ("OpenCabinetDoor", "train"): (42, 66),
     ("OpenCabinetDoor", "test"): (10, 16),
+    ("PushChair", "train"): (26, 26),
+    ("PushChair", "test"): (10, 10),
+    ("MoveBucket", "train"): (29, 29),
+    ("MoveBucket", "test"): (10, 10),
 }
+HELD_OUT_OBJECTS = 12  # of each category
 
 
 def assert_entry_holds(object_id: str) -> None:
@@ -29,22 +35,41 @@ def assert_entry_holds(object_id: str) -> None:
     assert obj.content_hash == entry.content_hash, (
         f"{object_id} has changed; if that is meant, make the catalogue anew: python -m artiskill.assets.selection"
     )
-    assert obj.target_links("prismatic") == entry.drawers
-    assert obj.target_links("revolute") == entry.doors
+    assert obj.metadata["family"] == entry.family
+    assert obj.metadata["held_out"] is (entry.split == "ood")
+    if obj.category == "cabinet":
+        assert obj.target_links("prismatic") == entry.drawers
+        assert obj.target_links("revolute") == entry.doors
 
 
 @pytest.mark.parametrize(("task", "split"), COUNTS)
 def test_counts_of_objects_and_targets(task: str, split: str) -> None:
-    ids = list_objects(category="cabinet", split=split, task=task)
-    targets = sum(len(read_catalog()[i][1].targets(task_motion(task))) for i in ids)
+    needs = task_needs(task)
+    ids = list_objects(category=needs.category, split=split, task=task)
+    assert ids == list_objects(split=split, task=task)
+    targets = sum(1 if needs.motion is None else len(read_catalog()[i][1].targets(needs.motion)) for i in ids)
     assert (len(ids), targets) == COUNTS[task, split]
+
+
+def test_the_benchmark_has_162_objects() -> None:
+    tasks = ("OpenCabinetDoor", "OpenCabinetDrawer", "PushChair", "MoveBucket")
+    assert sum(len(list_objects(task=task)) for task in tasks) == 162
+
+
+@pytest.mark.parametrize("category", CATEGORIES)
+def test_held_out_families_are_in_no_other_split(category: str) -> None:
+    held_out = list_objects(category, "ood")
+    assert len(held_out) == HELD_OUT_OBJECTS
+    assert not set(held_out) & set(list_objects(category))
+    assert len({read_catalog()[i][1].family for i in held_out}) > 1
 
 
 def test_splits_are_disjoint_and_complete() -> None:
     train, test = list_objects(split="train"), list_objects(split="test")
     assert not set(train) & set(test)
     assert set(train) | set(test) == set(list_objects()) == set(list_objects(split="all"))
-    assert len({entry.seed for _, entry in read_catalog().values()}) == len(list_objects())
+    assert len({(kind, e.seed, e.held_out) for kind, e in read_catalog().values()}) == len(read_catalog())
+    assert {e.split for _, e in read_catalog().values()} == set(SPLITS)
 
 
 @pytest.mark.parametrize("object_id", list_objects()[::8])
@@ -59,10 +84,13 @@ def test_every_entry_loads_and_matches_its_hash() -> None:
 
 
 @pytest.mark.slow
-def test_selection_chooses_the_same_catalogue_again() -> None:
-    from artiskill.assets.selection import catalog_yaml, select_cabinets
+@pytest.mark.parametrize("category", CATEGORIES)
+def test_selection_chooses_the_same_catalogue_again(category: Category) -> None:
+    from artiskill.assets.selection import catalog_yaml, select
 
-    assert catalog_yaml(select_cabinets()) == (catalog.CATALOG_DIR / "cabinet.yaml").read_text(encoding="utf-8")
+    assert catalog_yaml(category, select(category)) == (CATALOG_DIR / f"{category}.yaml").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_loading_twice_gives_the_same_object() -> None:
@@ -71,9 +99,27 @@ def test_loading_twice_gives_the_same_object() -> None:
 
 def test_generated_ids_round_trip() -> None:
     obj = load_object("generated:12")
-    assert obj.id == "generated-12"
-    assert load_object(obj.id) is obj
+    assert obj.id == "generated-cabinet-12"
+    for name in (obj.id, "generated-12", "generated:cabinet:12"):
+        assert load_object(name) is obj
     assert obj.content_hash != load_object("generated:13").content_hash
+    for category in CATEGORIES:
+        assert load_object(f"generated:{category}:3").category == category
+
+
+def test_a_task_says_which_category_is_generated() -> None:
+    assert resolve_objects("generated:3", "PushChair") == ("generated-chair-3",)
+    assert resolve_objects("generated:bucket:3", "MoveBucket") == ("generated-bucket-3",)
+    with pytest.raises(AssetError, match="'generated-cabinet-3' is a cabinet; PushChair needs a chair"):
+        resolve_objects("generated:cabinet:3", "PushChair")
+
+
+def test_a_range_of_seeds_is_as_many_objects() -> None:
+    assert resolve_objects("generated:bucket:3..5") == tuple(f"generated-bucket-{k}" for k in (3, 4, 5))
+    with pytest.raises(AssetError, match="the last seed, 2, comes before the first, 5"):
+        resolve_objects("generated:5..2")
+    with pytest.raises(AssetError, match="names 3 objects, not one"):
+        load_object("generated:bucket:3..5")
 
 
 def test_resolve_splits_ids_and_objects() -> None:
@@ -82,7 +128,7 @@ def test_resolve_splits_ids_and_objects() -> None:
     assert resolve_objects("all") == tuple(list_objects())
     assert resolve_objects("cabinet-0001") == ("cabinet-0001",)
     obj = load_object("generated:12")
-    assert resolve_objects([obj, "cabinet-0002", "generated:13"]) == (obj, "cabinet-0002", "generated-13")
+    assert resolve_objects([obj, "cabinet-0002", "generated:13"]) == (obj, "cabinet-0002", "generated-cabinet-13")
     assert resolve_objects(["test", train[0]], "OpenCabinetDrawer")[-1] == train[0]
 
 
@@ -118,7 +164,7 @@ def test_a_folder_shadows_nothing(importer: list[object], tmp_path: Path, monkey
     for name in ("cabinet-0005", "generated-7", "mine", "test"):
         (tmp_path / name).mkdir()
     assert load_object("cabinet-0005").id == "cabinet-0005"
-    assert resolve_objects(["cabinet-0005", "generated-7"]) == ("cabinet-0005", "generated-7")
+    assert resolve_objects(["cabinet-0005", "generated-7"]) == ("cabinet-0005", "generated-cabinet-7")
     assert resolve_objects("test") == tuple(list_objects(split="test"))
     with pytest.raises(UnknownNameError, match=r"unknown object 'mine'; a folder has this name: write './mine'"):
         resolve_objects("mine")
@@ -136,12 +182,16 @@ def test_a_folder_shadows_nothing(importer: list[object], tmp_path: Path, monkey
         ("cabinet-5", "did you mean 'cabinet-0005'?"),
         ("cabinet-00755", "did you mean 'cabinet-0075'?"),
         ("Cabinet-0007", "did you mean 'cabinet-0007'?"),
-        ("trian", "unknown object 'trian'; did you mean 'train'.*split .train, test, all.*generated:<seed>"),
+        (
+            "trian",
+            "unknown object 'trian'; did you mean 'train'.*split .train, test, ood, all",
+        ),
         ("tset", "did you mean 'test'?"),
         ("al", "did you mean 'all'?"),
-        ("xyzzy", "unknown object 'xyzzy'. Legal: a split .train, test, all., one of the 75 catalogue ids"),
+        ("xyzzy", "unknown object 'xyzzy'. Legal: a split .train, test, ood, all., one of the \\d+ catalogue ids"),
         ("generated:x", "unknown object 'generated:x'.*whole number"),
         ("generated:-1", "unknown object 'generated:-1'"),
+        ("generated:chiar:1", "unknown category 'chiar'; did you mean 'chair'"),
     ],
 )
 def test_unknown_names(name: str, message: str) -> None:
@@ -171,11 +221,11 @@ def test_unknown_category_split_and_task() -> None:
         list_objects(split="tran")
     with pytest.raises(UnknownNameError, match="unknown task 'OpenCabinetDraw'"):
         list_objects(task="OpenCabinetDraw")
-    assert task_motion("ArtiSkill/OpenCabinetDoor-v0") == "revolute"
+    assert task_needs("ArtiSkill/OpenCabinetDoor-v0").motion == "revolute"
 
 
 def test_objects_without_target_are_refused() -> None:
-    drawerless = next(i for i in list_objects() if read_catalog()[i][1].drawers == ())
+    drawerless = next(i for i in list_objects("cabinet") if read_catalog()[i][1].drawers == ())
     with pytest.raises(AssetError, match="has no drawer with a handle"):
         resolve_objects(drawerless, "OpenCabinetDrawer")
     with pytest.raises(AssetError, match=r"has no drawer with a handle.*it has: door link_\d \(with a handle\)"):
@@ -199,3 +249,31 @@ def test_empty_double_and_nonsense_are_refused() -> None:
     for empty in ("", " ", ["cabinet-0001", ""]):
         with pytest.raises(AssetError, match="name must not be empty"):
             resolve_objects(empty)
+
+
+def test_a_file_may_list_a_split(importer: list[object], tmp_path: Path) -> None:
+    own = tmp_path / "own.yaml"
+    own.write_text("description: mine\nobjects: [cabinet-0002, 'generated:cabinet:3..4', data/40147.zip]\n")
+    imported = load_object("cabinet-0001")
+    expected = ("cabinet-0002", "generated-cabinet-3", "generated-cabinet-4", imported)
+    assert resolve_objects(str(own)) == resolve_objects(own) == expected
+    assert importer == [tmp_path / "data/40147.zip"] * 2
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (None, "own.yaml' does not exist"),
+        ("objects: []", "lists no object under `objects`"),
+        ("objects: [other.yml]", "lists another split file: 'other.yml'"),
+        ("object: [cabinet-0001]", "object.*did you mean 'objects'"),
+        ("objects: 3", "objects"),
+        ("objects: [cabinet-01]", "unknown object 'cabinet-01'"),
+    ],
+)
+def test_split_files_that_are_none(text: str | None, message: str, tmp_path: Path) -> None:
+    own = tmp_path / "own.yaml"
+    if text is not None:
+        own.write_text(text)
+    with pytest.raises(ArtiSkillError, match=message):
+        resolve_objects(own)

@@ -42,12 +42,13 @@ def test_objects(capsys: Capture) -> None:
     assert main(["objects", "--task", "OpenCabinetDrawer", "--split", "test"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 10
-    assert lines[0].split()[:4] == ["cabinet-0005", "test", "drawers", "link_0"]
+    assert [line.split()[1] for line in lines] == ["test"] * 10
+    assert any(line.split()[:5] == ["cabinet-0005", "test", "display", "drawers", "link_0"] for line in lines)
 
 
 def test_tasks(capsys: Capture) -> None:
     assert main(["tasks"]) == 0
-    assert "OpenCabinetDrawer  25 train, 10 test objects" in capsys.readouterr().out
+    assert "OpenCabinetDrawer  25 train, 10 test, 9 ood objects" in capsys.readouterr().out
 
 
 def test_config_show(capsys: Capture) -> None:

@@ -2,6 +2,7 @@
 
 import pytest
 
+from artiskill.assets.catalog import list_objects
 from artiskill.cli.main import main
 from artiskill.tasks.registry import task_names
 
@@ -9,7 +10,7 @@ from artiskill.tasks.registry import task_names
 def test_every_task_has_objects(capsys: pytest.CaptureFixture[str]) -> None:
     for task in task_names():
         assert main(["objects", "--task", task]) == 0
-        assert "cabinet-0005" in capsys.readouterr().out
+        assert f"{list_objects(task=task)[-1]} " in capsys.readouterr().out
 
 
 def test_only_implemented_tasks_are_accepted_and_offered(

@@ -1,8 +1,8 @@
 """`ArticulatedObject`: an object with joints, as geometry and physics, independent of any engine.
 
 Generators and importers make it, once; everything later (scenes, sensors, rewards, experts) reads it. The object
-frame has z up and the ground at z = 0 when the object stands as it should; cabinets face -x. All arrays are
-float64 unless said otherwise and must be treated as read-only.
+frame has z up and the ground at z = 0 when the object stands as it should; cabinets and chairs face -x. All arrays
+are float64 unless said otherwise and must be treated as read-only.
 """
 
 import hashlib
@@ -90,6 +90,8 @@ class Joint:
         origin: (3,) a point on the axis, in the link's frame.
         limits: lower < upper; -inf and inf where a revolute joint turns without end. A closed door or drawer is at
             its lower limit.
+        stiffness: of a spring in the joint, N/m or N m/rad; 0 for none.
+        spring_reference: the joint value at which that spring is slack; beyond a limit, it holds the joint there.
     """
 
     name: str
@@ -97,6 +99,13 @@ class Joint:
     axis: np.ndarray
     origin: np.ndarray
     limits: tuple[float, float]
+    stiffness: float = 0.0
+    spring_reference: float = 0.0
+
+    @property
+    def rest(self) -> float:
+        """The joint value of the object at rest: the lower limit, 0 where there is none."""
+        return self.limits[0] if np.isfinite(self.limits[0]) else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +171,7 @@ class ArticulatedObject:
         category: `cabinet`, `chair` or `bucket`.
         links: the root first, parents before children.
         handles: of all links; a door or drawer is a legal target where it has one.
-        bounds: (2, 3) smallest and largest corner in the object frame, at rest (joints at their lower limits).
+        bounds: (2, 3) smallest and largest corner in the object frame, at rest (every joint at `Joint.rest`).
         metadata: facts for people and filters: family, dimensions, source, warnings of the importer.
     """
 
@@ -248,6 +257,11 @@ def _check_joint(joint: Joint, what: str) -> None:
         raise AssetError(f"{what}: its limits must be two numbers, lower < upper, not {joint.limits!r}")
     if joint.kind != "revolute" and not np.isfinite(limits).all():
         raise AssetError(f"{what} is {joint.kind}: its limits must be finite, not {joint.limits!r}")
+    if not (0 <= joint.stiffness < np.inf and np.isfinite(joint.spring_reference)):
+        raise AssetError(
+            f"{what}: its spring needs a finite stiffness of at least 0 and a finite reference, not "
+            f"{joint.stiffness!r} and {joint.spring_reference!r}"
+        )
 
 
 def _is_unit(axis: np.ndarray) -> bool:

@@ -1,127 +1,68 @@
-"""The catalogue: names of objects, their splits, and how a name becomes an `ArticulatedObject`.
+"""Which objects there are, and how a name becomes an `ArticulatedObject`.
 
-Which objects exist stands in `configs/catalog/<category>.yaml`: an id, the seed that it is generated from, its
-split, its target links and the hash of its content. Beside the catalogue, `generated:<seed>` is a fresh
-cabinet.
+The catalogue's entries stand in `assets.entries`. Beside them, `generated:<category>:<seed>` is a fresh object,
+`partnet:<id>` or a path an imported one.
 """
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from functools import cache, lru_cache
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-import numpy as np
-
-from artiskill.assets.articulated_object import ArticulatedObject, JointKind
-from artiskill.assets.names import GENERATED, UnknownObjectError, generated_seed, is_path, partnet_id
-from artiskill.assets.needs import TASK_NEEDS, MovingLink, Needs
-from artiskill.config import CONFIG_DIR, check, load_config
+from artiskill.assets.articulated_object import ArticulatedObject, Category
+from artiskill.assets.entries import ALL, BENCHMARK_SPLITS, CATEGORIES, SPLITS, read_catalog
+from artiskill.assets.generators import generate
+from artiskill.assets.names import (
+    UnknownObjectError,
+    generated_id,
+    is_path,
+    is_split_file,
+    parse_generated,
+    partnet_id,
+)
+from artiskill.assets.needs import Needs, task_needs
+from artiskill.assets.split_files import read_split_file
 from artiskill.errors import AssetError, UnknownNameError
 
-CATALOG_DIR = CONFIG_DIR / "catalog"
-CATEGORIES = ("cabinet",)
-SPLITS = ("train", "test")
-ALL = "all"
-TASK_MOTIONS: dict[str, JointKind] = {task: needs.motion for task, needs in TASK_NEEDS.items()}
-_CACHED_OBJECTS = 128
+_SPLIT_NAMES = (*SPLITS, ALL)
 _Given = str | Path | ArticulatedObject
-
-
-@dataclass(frozen=True)
-class CatalogEntry:
-    """One object of the catalogue.
-
-    Attributes:
-        id: its name.
-        seed: from which it is generated.
-        split: `train` or `test`.
-        drawers: links that slide and carry a handle.
-        doors: links that turn and carry a handle.
-        content_hash: `ArticulatedObject.content_hash` of the object as it was when the catalogue was made.
-    """
-
-    id: str
-    seed: int
-    split: str
-    drawers: tuple[str, ...]
-    doors: tuple[str, ...]
-    content_hash: str
-
-    def __post_init__(self) -> None:
-        check(self.split in SPLITS, f"{self.id}: split must be one of {', '.join(SPLITS)}, not {self.split!r}")
-
-    def targets(self, motion: JointKind) -> tuple[str, ...]:
-        """The links that are legal targets."""
-        return self.drawers if motion == "prismatic" else self.doors
-
-    def moving_links(self) -> tuple[MovingLink, ...]:
-        """The legal targets of any task."""
-        kinds: tuple[JointKind, ...] = ("prismatic", "revolute")
-        return tuple(MovingLink(name, kind, True) for kind in kinds for name in self.targets(kind))
-
-
-@dataclass(frozen=True)
-class CatalogFile:
-    """The objects of one category."""
-
-    category: str
-    objects: tuple[CatalogEntry, ...]
-
-
-@cache
-def read_catalog() -> dict[str, tuple[str, CatalogEntry]]:
-    """All entries by id, each with its category."""
-    entries: dict[str, tuple[str, CatalogEntry]] = {}
-    for category in CATEGORIES:
-        for entry in load_config(CatalogFile, CATALOG_DIR / f"{category}.yaml").objects:
-            entries[entry.id] = (category, entry)
-    return entries
 
 
 def list_objects(category: str | None = None, split: str | None = None, task: str | None = None) -> list[str]:
     """Ids of the catalogue, in its order.
 
     Args:
-        category: only this category.
-        split: only `train` or only `test`; None or `all` for both.
-        task: only objects with at least one target for this task.
+        category: only `cabinet`, only `chair` or only `bucket`.
+        split: only `train`, `test` or `ood`; None or `all` for the benchmark's own two, `train` and `test`.
+        task: only objects that this task can be done with.
 
     Raises:
         UnknownNameError: no such category, split or task.
     """
     if category is not None and category not in CATEGORIES:
         raise UnknownNameError("category", category, CATEGORIES)
-    if split not in (None, ALL, *SPLITS):
-        raise UnknownNameError("split", split, (*SPLITS, ALL))
-    motion = None if task is None else task_motion(task)
+    if split is not None and split not in _SPLIT_NAMES:
+        raise UnknownNameError("split", split, _SPLIT_NAMES)
+    splits = BENCHMARK_SPLITS if split in (None, ALL) else (split,)
+    needs = None if task is None else task_needs(task)
     return [
         entry.id
         for kind, entry in read_catalog().values()
-        if (category is None or kind == category)
-        and (split in (None, ALL) or entry.split == split)
-        and (motion is None or entry.targets(motion))
+        if entry.split in splits
+        and category in (None, kind)
+        and (needs is None or (kind == needs.category and (needs.motion is None or entry.targets(needs.motion))))
     ]
 
 
-def task_motion(task: str) -> JointKind:
-    """The joint kind of a task's targets; a versioned environment id such as `OpenCabinetDoor-v0` is legal too.
-
-    Raises:
-        UnknownNameError: no such task.
-    """
-    return _task_needs(task).motion
-
-
 def load_object(object_id: str | Path) -> ArticulatedObject:
-    """The object of a catalogue id, of `generated:<seed>` (or `generated-<seed>`, its id), or of a PartNet name.
+    """The object of a catalogue id, of `generated:<category>:<seed>` or of a PartNet name.
 
     A catalogue id comes first. A text is a path where it holds a separator or ends in `.zip`; write `./name` for
-    a folder in the working directory. Generated objects are kept in a bounded cache of the process: they are
-    read-only.
+    a folder in the working directory. The category of a generated object is `cabinet` where the name has none.
+    Generated objects are kept in a bounded cache of the process: they are read-only.
 
     Raises:
         UnknownNameError: nothing bears this name.
-        AssetError: not a name, or an empty one, or a PartNet folder that is missing or unusable.
+        AssetError: not a name, or an empty one, or of several objects, or a PartNet folder that is missing or
+            unusable.
     """
     return _load(object_id, None, ())
 
@@ -132,9 +73,11 @@ def resolve_objects(
     """What a user may pass as `objects`, as a tuple of ids for `load_object` and of ready objects.
 
     Args:
-        objects: a split (`train`, `test`, `all`), an id, `generated:<seed>`, `partnet:<id>`, a path to a
+        objects: a split (`train`, `test`, `ood`, or `all` for the first two), a YAML file with a list of names, an
+            id, `generated:<category>:<seed>`, `generated:<category>:<first>..<last>`, `partnet:<id>`, a path to a
             PartNet-Mobility folder or zip, an `ArticulatedObject`, or a sequence of these.
-        task: of a split, only the objects with a target for this task are taken; any other object must have one.
+        task: of a split, only the objects that this task can be done with are taken; any other object must be such
+            a one. It also says which category `generated:<seed>` means.
 
     Returns:
         Catalogue and generated objects as ids, which are cheap until loaded; imported and given ones as objects.
@@ -142,19 +85,14 @@ def resolve_objects(
     Raises:
         UnknownNameError: a name that is none of these.
         AssetError: none of the legal types, an empty sequence or name, an object named twice, of another category
-            than the task's or without a target, or an unusable PartNet folder.
+            than the task's or without a target, or an unusable PartNet folder or split file.
     """
-    needs = None if task is None else _task_needs(task)
+    needs = None if task is None else task_needs(task)
     if isinstance(objects, _Given):
         objects = (objects,)
     elif not isinstance(objects, Iterable) or isinstance(objects, bytes):
         raise _not_an_object(objects)
-    resolved: list[str | ArticulatedObject] = []
-    for item in objects:
-        if isinstance(item, str) and item in (ALL, *SPLITS):
-            resolved += list_objects(split=item, task=task)
-        else:
-            resolved.append(_resolve_one(item, needs))
+    resolved = [one for item in objects for one in _resolve_item(item, needs)]
     _check_resolved(resolved)
     return tuple(resolved)
 
@@ -164,6 +102,24 @@ def object_id_of(item: str | ArticulatedObject) -> str:
     return item if isinstance(item, str) else item.id
 
 
+def _resolve_item(item: object, needs: Needs | None) -> Iterator[str | ArticulatedObject]:
+    """The objects that one item of a list means."""
+    if isinstance(item, str) and item in _SPLIT_NAMES:
+        yield from list_objects(split=item, task=None if needs is None else needs.task)
+    elif isinstance(item, str | Path) and is_split_file(str(item)):
+        for name in read_split_file(Path(item)):
+            yield from _resolve_item(name, needs)
+    elif isinstance(item, str) and (found := parse_generated(item, _category(needs))) is not None:
+        for seed in found[1]:
+            yield _resolve_one(generated_id(found[0], seed), needs)
+    else:
+        yield _resolve_one(item, needs)
+
+
+def _category(needs: Needs | None) -> Category:
+    return "cabinet" if needs is None else needs.category
+
+
 def _resolve_one(item: object, needs: Needs | None) -> str | ArticulatedObject:
     if isinstance(item, str) and item in read_catalog():  # known without building it
         if needs is not None:
@@ -171,10 +127,10 @@ def _resolve_one(item: object, needs: Needs | None) -> str | ArticulatedObject:
             needs.check_category(item, category)
             needs.check_links(item, entry.moving_links())
         return item
-    found = item if isinstance(item, ArticulatedObject) else _load(item, needs, (*SPLITS, ALL))
+    found = item if isinstance(item, ArticulatedObject) else _load(item, needs, _SPLIT_NAMES)
     if needs is not None:
         needs.check_object(found)
-    return found.id if isinstance(item, str) and generated_seed(item) is not None else found
+    return item if isinstance(item, str) and parse_generated(item) is not None else found
 
 
 def _load(name: object, needs: Needs | None, splits: tuple[str, ...]) -> ArticulatedObject:
@@ -187,15 +143,20 @@ def _load(name: object, needs: Needs | None, splits: tuple[str, ...]) -> Articul
         raise AssetError(f"an object's name must not be empty: {name!r}")
     if name in read_catalog():
         category, entry = read_catalog()[name]
-        return _generate(category, entry.seed, entry.id)
-    seed = generated_seed(name)
-    if seed is not None:
-        return _generate("cabinet", seed, f"{GENERATED}-{seed}")
+        return generate(category, entry.seed, entry.id, entry.held_out)
+    if (found := parse_generated(name)) is not None:
+        return _generate_one(name, *found)
     if partnet_id(name) is not None or is_path(name):
         return _import_partnet(name, needs)
-    if name in (ALL, *SPLITS):
+    if name in _SPLIT_NAMES:
         raise AssetError(f"{name!r} is a split, not one object; list_objects(split={name!r}) names its objects")
     raise UnknownObjectError(name, read_catalog(), splits)
+
+
+def _generate_one(name: str, category: Category, seeds: range) -> ArticulatedObject:
+    if len(seeds) != 1:
+        raise AssetError(f"{name!r} names {len(seeds)} objects, not one")
+    return generate(category, seeds[0], generated_id(category, seeds[0]))
 
 
 def _not_an_object(given: object) -> AssetError:
@@ -203,13 +164,6 @@ def _not_an_object(given: object) -> AssetError:
         "objects must be a split, an object's name, a path, an ArticulatedObject or a sequence of these, "
         f"not {type(given).__name__}: {given!r}"
     )
-
-
-def _task_needs(task: str) -> Needs:
-    name = task.split("/")[-1].split("-v")[0]
-    if name not in TASK_NEEDS:
-        raise UnknownNameError("task", task, TASK_NEEDS)
-    return TASK_NEEDS[name]
 
 
 def _check_resolved(resolved: list[str | ArticulatedObject]) -> None:
@@ -226,20 +180,3 @@ def _import_partnet(name: str | Path, needs: Needs | None) -> ArticulatedObject:
 
     number = partnet_id(name) if isinstance(name, str) else None
     return import_partnet(Path(name) if number is None else find_partnet_folder(number), needs=needs)
-
-
-@lru_cache(maxsize=_CACHED_OBJECTS)
-def _generate(category: str, seed: int, object_id: str) -> ArticulatedObject:
-    return _GENERATORS[category](seed, object_id)
-
-
-def generate_cabinet(seed: int, object_id: str) -> ArticulatedObject:
-    """The cabinet of a seed, with the default config."""
-    # here, not above: listing the catalogue, which importing the package does, needs no generator
-    from artiskill.assets.cabinets import build_cabinet, default_cabinet_config, sample_cabinet
-
-    form, detail = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
-    return build_cabinet(sample_cabinet(form, default_cabinet_config()), object_id, detail)
-
-
-_GENERATORS: dict[str, Callable[[int, str], ArticulatedObject]] = {"cabinet": generate_cabinet}

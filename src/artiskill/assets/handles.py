@@ -1,5 +1,7 @@
 """From a handle's mesh to a `Handle`: surface samples, hull and grasp poses, the same for all sources."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from artiskill.assets.articulated_object import Handle
@@ -17,12 +19,33 @@ _HANDLE_WORDS = frozenset({"handle", "knob"})
 _HALF_TURN = quat_from_axis_angle((0, 0, 1), np.pi)
 
 
+@dataclass(frozen=True, eq=False)
+class Grip:
+    """How a hand that comes from outside takes hold of a handle, in the link's frame.
+
+    Attributes:
+        position: (3,) tool-centre point.
+        across: (K, 3) unit vectors square to the outward direction; the fingers close along any of them.
+        width_m: extent between the pads.
+    """
+
+    position: np.ndarray
+    across: np.ndarray
+    width_m: float
+
+
 def handle_from_mesh(
-    link_name: str, kind: str, mesh: TriMesh, outward: np.ndarray, rng: np.random.Generator, hookable: bool
+    link_name: str,
+    kind: str,
+    mesh: TriMesh,
+    outward: np.ndarray,
+    rng: np.random.Generator,
+    hookable: bool,
+    grip: Grip | None = None,
 ) -> Handle:
     """Describe the handle whose drawn surface is `mesh`.
 
-    The hand comes from outside, along `-outward`, and the fingers close across the handle's shorter side.
+    The hand comes from outside, along `-outward`.
 
     Args:
         link_name: the link that carries the handle.
@@ -31,6 +54,7 @@ def handle_from_mesh(
         outward: (3,) direction from the panel to the room, in the link's frame; any length but zero.
         rng: draws the surface samples.
         hookable: whether a finger fits behind it.
+        grip: where to take hold of it; by default in its middle, the fingers closing across its shorter side.
 
     Raises:
         AssetError: the mesh does not span a volume, or `outward` has no direction.
@@ -42,24 +66,36 @@ def handle_from_mesh(
     except ValueError as error:
         raise AssetError(f"link {link_name!r}: its handle's mesh is flat or empty") from error
     outward = np.asarray(outward, dtype=float) / np.linalg.norm(outward)
-    along, across = _face_axes(hull.mesh, outward)
-    frame = np.stack((along, across, outward))  # rows: axes of the face
-    low, high = (frame @ hull.mesh.vertices.T).min(axis=1), (frame @ hull.mesh.vertices.T).max(axis=1)
-    centre = (low + high) / 2
-    centre[2] = high[2] - min(_GRASP_DEPTH_M, (high[2] - low[2]) / 2)
-    hand_z = -outward
-    rotation = np.stack((np.cross(across, hand_z), across, hand_z), axis=1)
-    grasp = quat_from_matrix(rotation)
+    grip = grip or _middle_grip(hull.mesh, outward)
+    quaternions = []
+    for across in grip.across:
+        rotation = np.stack((np.cross(across, -outward), across, -outward), axis=1)
+        one = quat_from_matrix(rotation)
+        quaternions += [one, quat_multiply(one, _HALF_TURN)]
     return Handle(
         link=link_name,
         kind=kind,
         points=sample_surface([mesh], POINTS_PER_HANDLE, rng),
         planes=hull.planes,
-        grasp_positions=np.repeat((centre @ frame)[None], 2, axis=0),
-        grasp_quaternions=np.stack((grasp, quat_multiply(grasp, _HALF_TURN))),
-        grasp_width_m=float(high[1] - low[1]),
+        grasp_positions=np.repeat(grip.position[None], len(quaternions), axis=0),
+        grasp_quaternions=np.stack(quaternions),
+        grasp_width_m=grip.width_m,
         hookable=hookable,
     )
+
+
+def grasp_depth(thickness_m: float) -> float:
+    """How far behind a handle's outermost face the tool-centre point goes, if the handle is so thick there."""
+    return min(_GRASP_DEPTH_M, thickness_m / 2)
+
+
+def _middle_grip(hull: TriMesh, outward: np.ndarray) -> Grip:
+    along, across = _face_axes(hull, outward)
+    frame = np.stack((along, across, outward))  # rows: axes of the face
+    low, high = (frame @ hull.vertices.T).min(axis=1), (frame @ hull.vertices.T).max(axis=1)
+    centre = (low + high) / 2
+    centre[2] = high[2] - grasp_depth(high[2] - low[2])
+    return Grip(centre @ frame, across[None], float(high[1] - low[1]))
 
 
 def is_handle_part(part: str) -> bool:

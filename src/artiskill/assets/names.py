@@ -4,10 +4,13 @@ import difflib
 import re
 from collections.abc import Iterable
 from pathlib import Path
+from typing import cast, get_args
 
-from artiskill.errors import UnknownNameError
+from artiskill.assets.articulated_object import Category
+from artiskill.errors import AssetError, UnknownNameError
 
 GENERATED = "generated"
+GENERATED_CATEGORIES: tuple[str, ...] = get_args(Category)
 PARTNET = "partnet"
 _LEAST_RATIO = 0.5  # below it, two names have nothing to do with each other
 
@@ -33,10 +36,12 @@ class UnknownObjectError(UnknownNameError):
         legal = [f"a split ({', '.join(splits)})"] if splits else []
         legal += [
             f"one of the {len(ids)} catalogue ids ({ids[0]} to {ids[-1]}; `artiskill objects` lists them)",
-            f"'{GENERATED}:<seed>'",
+            f"'{GENERATED}:<category>:<seed>'",
             f"'{PARTNET}:<id>'",
         ]
-        message += f" Legal: {', '.join(legal)} and a path to a PartNet-Mobility folder or zip."
+        legal.append("a path to a PartNet-Mobility folder or zip")
+        legal += ["a YAML file with a list of such names"] if splits else []
+        message += f" Legal: {', '.join(legal[:-1])} and {legal[-1]}."
         Exception.__init__(self, message)
 
 
@@ -56,27 +61,53 @@ def nearest_name(given: str, names: Iterable[str]) -> str | None:
     return names[ranks.index(best)] if best[0] >= _LEAST_RATIO else None
 
 
-def generated_seed(name: str) -> int | None:
-    """The seed of `generated:<seed>` or `generated-<seed>`, else None.
+def parse_generated(name: str, category: Category = "cabinet") -> tuple[Category, range] | None:
+    """What `generated:<category>:<seed>` means, or None for a name of another form.
+
+    Args:
+        name: the category may be left out; `<first>..<last>` in place of the seed means all seeds from the first
+            to the last; `-` may stand for `:`, as in the ids of generated objects.
+        category: meant where the name has none.
+
+    Returns:
+        The category and the seeds.
 
     Raises:
-        UnknownNameError: the seed is no whole number of at least 0.
+        UnknownNameError: another category, or a seed that is no whole number of at least 0.
     """
-    for separator in (":", "-"):
-        prefix = GENERATED + separator
-        if name.startswith(prefix):
-            digits = name[len(prefix) :]
-            if not (digits.isascii() and digits.isdigit()):
-                hint = "The seed is a whole number of at least 0."
-                raise UnknownNameError("object", name, (f"{GENERATED}:<seed>",), hint)
-            return int(digits)
-    return None
+    found = re.match(rf"{GENERATED}[:-]", name)
+    if found is None:
+        return None
+    rest = name[found.end() :]
+    parts = re.match(r"([A-Za-z_]+)[:-](.*)", rest)
+    kind, seeds = (category, rest) if parts is None else (parts[1], parts[2])
+    numbers = re.fullmatch(r"([0-9]+)(?:\.\.([0-9]+))?", seeds)
+    if kind not in GENERATED_CATEGORIES:
+        raise UnknownNameError("category", kind, GENERATED_CATEGORIES, f"(in {name!r})")
+    if numbers is None:
+        hint = "The seed is a whole number of at least 0, or <first>..<last>."
+        raise UnknownNameError("object", name, (f"{GENERATED}:<category>:<seed>",), hint)
+    first = int(numbers[1])
+    last = first if numbers[2] is None else int(numbers[2])
+    if last < first:
+        raise AssetError(f"object {name!r}: the last seed, {last}, comes before the first, {first}")
+    return cast(Category, kind), range(first, last + 1)
+
+
+def generated_id(category: Category, seed: int) -> str:
+    """The id of a generated object."""
+    return f"{GENERATED}-{category}-{seed}"
 
 
 def partnet_id(name: str) -> str | None:
     """The id of `partnet:<id>`, else None."""
     prefix = f"{PARTNET}:"
     return name[len(prefix) :] if name.startswith(prefix) else None
+
+
+def is_split_file(name: str) -> bool:
+    """Whether a name is meant as a file that lists names."""
+    return name.endswith((".yaml", ".yml"))
 
 
 def is_path(name: str) -> bool:

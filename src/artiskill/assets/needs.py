@@ -1,10 +1,10 @@
-"""What a task needs of an object: a category, and a link that moves one way and carries a handle."""
+"""What a task needs of an object: a category and, where links are opened, one that moves so and has a handle."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 from artiskill.assets.articulated_object import ArticulatedObject, Category, JointKind
-from artiskill.errors import AssetError
+from artiskill.errors import AssetError, UnknownNameError
 
 _WORDS: dict[JointKind, str] = {"prismatic": "drawer", "revolute": "door"}
 
@@ -25,12 +25,12 @@ class Needs:
     Attributes:
         task: its name, for messages.
         category: of the objects.
-        motion: joint kind of the target links.
+        motion: joint kind of the target links; None where the whole object is moved.
     """
 
     task: str
     category: Category
-    motion: JointKind
+    motion: JointKind | None
 
     def check_category(self, name: str, category: str) -> None:
         """Refuse an object of another category.
@@ -48,7 +48,7 @@ class Needs:
             AssetError: no link moves as needed and carries a handle; the message says what there is.
         """
         links = tuple(links)
-        if any(link.usable and link.motion == self.motion for link in links):
+        if self.motion is None or any(link.usable and link.motion == self.motion for link in links):
             return
         found = ", ".join(
             f"{_WORDS[link.motion]} {link.name} ({'with a' if link.usable else 'no usable'} handle)"
@@ -73,11 +73,24 @@ class Needs:
         )
 
 
-# The tasks whose targets are the links that move by one kind of joint.
 TASK_NEEDS = {
     needs.task: needs
     for needs in (
         Needs("OpenCabinetDrawer", "cabinet", "prismatic"),
         Needs("OpenCabinetDoor", "cabinet", "revolute"),
+        Needs("PushChair", "chair", None),
+        Needs("MoveBucket", "bucket", None),
     )
 }
+
+
+def task_needs(task: str) -> Needs:
+    """What a task needs; a versioned environment id such as `ArtiSkill/OpenCabinetDoor-v0` is legal too.
+
+    Raises:
+        UnknownNameError: no such task.
+    """
+    name = task.split("/")[-1].split("-v")[0]
+    if name not in TASK_NEEDS:
+        raise UnknownNameError("task", task, TASK_NEEDS)
+    return TASK_NEEDS[name]

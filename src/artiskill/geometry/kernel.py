@@ -16,6 +16,8 @@ Point = tuple[float, float, float]
 F = TypeVar("F", bound=Callable[..., object])
 
 _PACKAGE = Path(__file__).parents[1]
+# what a source of compiled code contains
+_MARKERS = (b"@kernel", b"@inlined_kernel", b"@intrinsic")
 
 
 def kernel(function: F) -> F:
@@ -25,6 +27,16 @@ def kernel(function: F) -> F:
     infinity, as in NumPy; whoever divides must be ready for it.
     """
     compiled: F = njit(cache=True, nogil=True, error_model="numpy")(function)
+    return compiled
+
+
+def inlined_kernel(function: F) -> F:
+    """A kernel that becomes part of whoever calls it.
+
+    For small kernels that are called often and take arrays: an array is handed over as ten numbers, so that a call
+    may take longer than the work.
+    """
+    compiled: F = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)(function)
     return compiled
 
 
@@ -44,7 +56,7 @@ def drop_stale_code(package: Path) -> bool:
     digest = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):
         text = path.read_bytes()
-        if b"@kernel" in text:
+        if any(marker in text for marker in _MARKERS):
             digest.update(str(path.relative_to(package)).encode() + b"\0" + text)
     stamp = package / "__pycache__" / "kernels.sha256"
     with contextlib.suppress(OSError):

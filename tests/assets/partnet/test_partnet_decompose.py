@@ -4,14 +4,10 @@ import numpy as np
 import pytest
 
 from artiskill.assets.partnet import decompose as module
-from artiskill.assets.partnet.decompose import (
-    BODY,
-    HANDLE,
-    DecompositionPart,
-    decompose,
-    decompose_cached,
-    default_cache_dir,
-)
+from artiskill.assets.partnet.collisions import BODY
+from artiskill.assets.partnet.collisions import GRIP as HANDLE
+from artiskill.assets.partnet.decompose import DecompositionPart, decompose
+from artiskill.assets.partnet.hull_cache import decompose_cached, default_cache_dir
 from artiskill.assets.partnet.meshes import (
     components,
     distance_to_surface,

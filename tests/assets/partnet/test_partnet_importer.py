@@ -206,3 +206,27 @@ def test_continuous_joint(toy, load):
     assert obj.links[1].joint.limits == (-np.inf, np.inf)
     assert obj.target_links("revolute") == ()
     assert any("turns without end" in text for text in obj.metadata["warnings"])
+
+
+def test_handle_on_the_hinge_side_is_warned_of(toy, load):
+    name, number, stem, boxes = toy.parts["link_0"][1]
+    moved = [((low[0] - 0.42, *low[1:]), (high[0] - 0.42, *high[1:])) for low, high in boxes]
+    toy.parts["link_0"][1] = (name, number, stem, moved)
+    warnings = load(toy, scale=SCALE).metadata["warnings"]
+    assert warnings == ("'link_0': the handle is on the hinge side: 63 mm from the hinge of 300 mm",)
+
+
+def test_a_second_import_reads_the_decomposition_from_disk(toy, load, monkeypatch):
+    first = load(toy, scale=0.37)
+    monkeypatch.setattr("artiskill.assets.partnet.decompose.decompose", lambda *_: pytest.fail("decomposed"))
+    assert load(toy, scale=0.37).content_hash == first.content_hash
+
+
+def test_link_names_are_the_last_resort(toy, cache_dir):
+    toy.names = False
+    folder = toy.write()
+    (folder / "result.json").unlink()
+    (folder / "semantics.txt").write_text("link_0 hinge rotation_door\nlink_1 slider drawer\nodd line here too\n")
+    obj = import_partnet(folder, cache_dir=cache_dir)
+    assert {v.part for v in obj.links[1].visuals} == {"rotation_door"}
+    assert any("on: base" in text for text in obj.metadata["warnings"])  # link_2 has no line

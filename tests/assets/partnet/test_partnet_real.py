@@ -5,6 +5,7 @@ import shutil
 import time
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -15,6 +16,9 @@ from artiskill.assets.partnet.overlaps import find_overlaps, shape_hull
 from artiskill.assets.partnet.semantics import read_part_names
 from artiskill.assets.partnet.urdf import UrdfMesh, read_urdf
 from artiskill.geometry.rotations import quat_rotate
+from artiskill.scene.object_model import add_object
+from artiskill.scene.options import Group, set_contact, set_options
+from artiskill.scene.physics import PhysicsConfig
 
 pytestmark = pytest.mark.partnet
 
@@ -60,13 +64,18 @@ def test_cached_import_is_quick_and_equal(cabinet, dataset, cache_dir):
 
 
 def test_names_stripped(cabinet, dataset, cache_dir, tmp_path):
-    folder = shutil.copytree(dataset / "40147", tmp_path / "40147", copy_function=shutil.copyfile)
+    assert _stripped(dataset / "40147", tmp_path, cache_dir).content_hash == cabinet.content_hash
+
+
+def _stripped(source: Path, tmp_path: Path, cache_dir: Path) -> ArticulatedObject:
+    """The object from a copy of its folder whose visuals have no names."""
+    folder = shutil.copytree(source, tmp_path / source.name, copy_function=shutil.copyfile)
     folder.chmod(0o755)
-    text = (dataset / "40147" / "mobility.urdf").read_text()
+    text = (source / "mobility.urdf").read_text()
     stripped, count = re.subn(r'<visual name="[^"]*">', "<visual>", text)
-    assert count > 40
+    assert count > 30
     (folder / "mobility.urdf").write_text(stripped)
-    assert import_partnet(folder, cache_dir=cache_dir).content_hash == cabinet.content_hash
+    return import_partnet(folder, cache_dir=cache_dir)
 
 
 @pytest.mark.parametrize("number", ["40147", "179"])
@@ -92,13 +101,46 @@ def test_chair_tree(dataset):
     assert kinds.count("prismatic") == 1
 
 
-@pytest.mark.slow
-def test_chair(dataset, cache_dir):
+@pytest.fixture(scope="module")
+def chair(dataset: Path, cache_dir: Path) -> ArticulatedObject:
     if not (dataset / "179").is_dir():
         pytest.skip(f"no object 179 in {dataset}")
-    chair = import_partnet(dataset / "179", cache_dir=cache_dir)
+    return import_partnet(dataset / "179", cache_dir=cache_dir)
+
+
+@pytest.mark.slow
+def test_chair(chair):
     assert chair.category == "chair"
     joints = [link.joint for link in chair.links[1:]]
     assert [j.kind for j in joints].count("revolute") == 16
     assert all(j.limits == (-np.inf, np.inf) for j in joints if j.kind == "revolute")
     assert any("link_15_helper" in text for text in chair.metadata["warnings"])
+    assert sum(len(link.collisions) for link in chair.links) <= 50
+    assert sum(len(v.mesh.faces) for link in chair.links for v in link.visuals) <= 25_000
+    parts = {v.part for link in chair.links for v in link.visuals}
+    assert parts == {"wheel", "caster", "base", "column", "seat", "back", "arm"}
+
+
+@pytest.mark.slow
+def test_chair_stands_on_its_wheels_and_rolls(chair):
+    physics, spec = PhysicsConfig(), mujoco.MjSpec()
+    set_options(spec, physics)
+    ground = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=(5, 5, 1))
+    set_contact(ground, Group.GROUND, Group.OBJECT, 0.1, physics)
+    add_object(spec, chair, physics)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[2] = 0.05
+    mujoco.mj_step(model, data, 2000)
+    touching = {model.geom_bodyid[g] for contact in data.contact for g in contact.geom} - {0}
+    assert len(touching) == 10
+    assert np.abs(data.qvel).max() < 0.01
+    assert np.linalg.norm(data.qpos[:3]) < 2e-3
+    data.body("object/base").xfrc_applied[:2] = (30.0, 30.0)
+    mujoco.mj_step(model, data, 500)
+    assert np.linalg.norm(data.qpos[:2]) > 0.1
+
+
+@pytest.mark.slow
+def test_chair_names_stripped(chair, dataset, cache_dir, tmp_path):
+    assert _stripped(dataset / "179", tmp_path, cache_dir).content_hash == chair.content_hash

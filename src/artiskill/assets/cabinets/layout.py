@@ -1,79 +1,13 @@
-"""The front as a tree of splits, drawn at random and then resolved into cells and the boards between them."""
+"""Draws at random how a front is split."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from artiskill.assets.cabinets.config import CabinetConfig, FamilyConfig
-from artiskill.assets.cabinets.spec import CellKind, FrontStyle, Rect
+from artiskill.assets.cabinets.tree import Leaf, Node, Split
 
 MAX_DEPTH = 3
-# Between the fronts of a stack of inset drawers lie rails, as in joiners' chests.
-RAIL_DEPTH_M = 0.07
-
-
-@dataclass(frozen=True)
-class Leaf:
-    """A field of the front that is not split any more; `shelves` lie within open cells and behind doors."""
-
-    kind: CellKind
-    shelves: int = 0
-
-
-@dataclass(frozen=True)
-class Split:
-    """A region cut into rows (top to bottom) or columns (left to right, as seen from the room).
-
-    Attributes:
-        axis: which way.
-        sizes_m: clear height of each row, or width of each column; the last takes what is left.
-        children: as many as sizes.
-        divider: a whole board between neighbours, a rail at the front only, or nothing.
-    """
-
-    axis: Literal["rows", "columns"]
-    sizes_m: tuple[float, ...]
-    children: tuple["Node", ...]
-    divider: Literal["board", "rail", "none"]
-
-
-Node = Leaf | Split
-
-
-@dataclass(frozen=True)
-class Edge:
-    """What bounds a region on one side.
-
-    Attributes:
-        kind: the carcass's `outer` panel, a `divider`, nothing (`free`: the next front follows), or the
-            overhanging top (`under`), which fronts cannot cover.
-        thickness_m: of that board.
-    """
-
-    kind: Literal["outer", "divider", "free", "under"]
-    thickness_m: float
-
-
-@dataclass(frozen=True)
-class Region:
-    """A clear opening with its four edges."""
-
-    rect: Rect
-    left: Edge
-    right: Edge
-    bottom: Edge
-    top: Edge
-
-
-@dataclass(frozen=True)
-class Placed:
-    """A leaf with its region, or (leaf None) a divider with its rectangle in `region` and its kind."""
-
-    leaf: Leaf | None
-    region: Region
-    divider: Literal["board", "rail", "none"] = "none"
 
 
 class Composer:
@@ -95,16 +29,22 @@ class Composer:
         kind = draw(self._rng, weights) if sum(weights.values()) > 0 else "open"
         if kind == "columns":
             return self._columns(width, height, depth)
-        if kind == "stack":
-            return self._stack(width, height, depth)
+        if kind == "rows":
+            return self._rows(width, height, depth)
+        if kind == "strip":
+            return self._strip(width, height, depth)
         return self._fill(kind, width, height)
 
     def _fits(self, kind: str, width: float, height: float, depth: int) -> bool:
         c = self._config
         if kind == "columns":
             return depth < 2 and width >= 2.2 * c.door_width_m[0] and height >= c.door_height_m[0]
-        if kind == "stack":
+        if kind == "strip":
             return depth < MAX_DEPTH - 1 and height >= 2.6 * c.drawer_height_m[0]
+        if kind == "rows":
+            return depth < MAX_DEPTH - 1 and height >= 2.2 * c.door_height_m[0]
+        if kind == "flap":
+            return _within(height, c.flap_height_m) and _within(width, c.flap_width_m)
         if kind == "drawers":
             return self._drawer_counts(height) != [] and _within(width, c.drawer_width_m)
         if kind == "door":
@@ -125,30 +65,46 @@ class Composer:
         children = tuple(self.compose(w, height, depth + 1) for w in sizes)
         return Split("columns", sizes, children, "board")
 
-    def _stack(self, width: float, height: float, depth: int) -> Split:
+    def _rows(self, width: float, height: float, depth: int) -> Split:
+        """Two regions one above the other, of any kind."""
+        clear = height - self._panel_m
+        least = self._config.door_height_m[0] / clear
+        low, high = max(least, 0.35), min(1 - least, 0.65)
+        top = round(clear * float(self._rng.uniform(low, max(low, high))), 4)
+        rest = round(clear - top, 4)
+        children = (self.compose(width, top, depth + 1), self.compose(width, rest, depth + 1))
+        return Split("rows", (top, rest), children, "board")
+
+    def _strip(self, width: float, height: float, depth: int) -> Split:
+        """A low row of drawers, a niche or a blind panel above or below the rest."""
         c = self._config
-        tops = dict(c.stack_tops)
+        kinds = dict(c.strips)
         if not _within(width, c.drawer_width_m):
-            tops["drawers"] = 0.0
-        kind = draw(self._rng, tops)
+            kinds["drawers"] = 0.0
+        kind = draw(self._rng, kinds)
         low, high = c.drawer_height_m
         most = min(0.22 if kind != "open" else 0.32, height - 1.3 * low, high)
-        top = round(float(self._rng.uniform(low, max(low, most))), 4)
-        rest = round(height - top - self._panel_m, 4)
-        upper = self._drawer_row(width) if kind == "drawers" else Leaf("open" if kind == "open" else "blind")
-        return Split("rows", (top, rest), (upper, self.compose(width, rest, depth + 1)), "board")
+        size = round(float(self._rng.uniform(low, max(low, most))), 4)
+        rest = round(height - size - self._panel_m, 4)
+        strip = self._drawer_row(width) if kind == "drawers" else Leaf("open" if kind == "open" else "blind")
+        main = self.compose(width, rest, depth + 1)
+        if self._rng.random() < c.strip_below_probability:
+            return Split("rows", (rest, size), (main, strip), "board")
+        return Split("rows", (size, rest), (strip, main), "board")
 
     def _fill(self, kind: str, width: float, height: float) -> Node:
         if kind == "drawers":
             return self._drawers(width, height)
         if kind == "door":
-            shelves = int(self._rng.integers(0, 3)) if height > 0.45 else int(self._rng.integers(0, 2))
+            shelves = int(self._rng.integers(0, 2 + round(height / 0.45)))
             least, most = self._config.door_width_m
             pair = width >= 2 * least and (width > most or self._rng.random() < 0.4)
             if not pair:
                 return Leaf("door", shelves)
             half = round(width / 2, 4)
             return Split("columns", (half, half), (Leaf("door", shelves), Leaf("door", shelves)), "none")
+        if kind == "flap":
+            return Leaf("door", int(self._rng.integers(0, 2)), "top" if self._rng.random() < 0.4 else "bottom")
         if kind == "open":
             return Leaf("open", int(height / 0.35))
         return Leaf("blind")
@@ -186,61 +142,6 @@ class Composer:
         if width > 0.6:
             children[0] = self._drawer_row(width)
         return Split("rows", sizes, tuple(children), divider)
-
-
-def resolve(node: Node, region: Region, panel_m: float) -> Iterator[Placed]:
-    """Walk the tree; yield the leaves with their clear openings, and the dividers between them."""
-    if isinstance(node, Leaf):
-        yield Placed(node, region)
-        return
-    thickness = 0.0 if node.divider == "none" else panel_m
-    inner = Edge("free" if node.divider == "none" else "divider", thickness)
-    rows = node.axis == "rows"
-    r = region.rect
-    at = r.z1 if rows else r.y1  # rows go down, columns to the right, which is towards -y
-    last = len(node.children) - 1
-    for k, (size, child) in enumerate(zip(node.sizes_m, node.children, strict=True)):
-        end = (r.z0 if rows else r.y0) if k == last else at - size
-        if rows:
-            rect = replace(r, z0=end, z1=at)
-            part = replace(
-                region,
-                rect=rect,
-                top=region.top if k == 0 else inner,
-                bottom=region.bottom if k == last else inner,
-            )
-        else:
-            rect = replace(r, y0=end, y1=at)
-            part = replace(
-                region,
-                rect=rect,
-                left=region.left if k == 0 else inner,
-                right=region.right if k == last else inner,
-            )
-        yield from resolve(child, part, panel_m)
-        if k < last and thickness > 0:
-            slit = replace(r, z0=end - thickness, z1=end) if rows else replace(r, y0=end - thickness, y1=end)
-            yield Placed(None, replace(region, rect=slit), node.divider)
-        at = end - thickness
-
-
-def front_rect(region: Region, front: FrontStyle) -> Rect:
-    """The rectangle of the panel that closes a region, slits left free all around it."""
-    left, right, bottom, top = (
-        _reach(edge, front) for edge in (region.left, region.right, region.bottom, region.top)
-    )
-    r = region.rect
-    return Rect(round(r.y0 - right, 5), round(r.y1 + left, 5), round(r.z0 - bottom, 5), round(r.z1 + top, 5))
-
-
-def _reach(edge: Edge, front: FrontStyle) -> float:
-    """How far a front reaches over the clear opening's edge; negative: how far it stays away."""
-    half = front.gap_m / 2
-    if edge.kind == "free":
-        return -half
-    if front.mount == "inset" or edge.kind == "under":
-        return -front.gap_m
-    return (edge.thickness_m if edge.kind == "outer" else edge.thickness_m / 2) - half
 
 
 def draw(rng: np.random.Generator, weights: dict[str, float]) -> str:

@@ -1,9 +1,10 @@
 """The materials of one cabinet, made once and shared by its parts."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
-from artiskill.assets.appearance import CabinetAppearance, Surface, make_material
 from artiskill.assets.articulated_object import Material
+from artiskill.assets.cabinets.appearance import CabinetAppearance
+from artiskill.assets.finishes import make_materials
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,15 +18,10 @@ class Materials:
     support: Material
     handle: Material
     runner: Material
+    glass: Material
+    tyre: Material
 
 
-def make_materials(appearance: CabinetAppearance) -> Materials:
+def make_cabinet_materials(appearance: CabinetAppearance) -> Materials:
     """Build the materials, textures included."""
-    made: dict[Surface, Material] = {}
-    chosen: dict[str, Material] = {}
-    for field in fields(appearance):
-        surface = getattr(appearance, field.name)
-        if surface not in made:
-            made[surface] = make_material(surface)
-        chosen[field.name] = made[surface]
-    return Materials(**chosen)
+    return Materials(**make_materials(appearance))

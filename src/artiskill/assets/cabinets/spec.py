@@ -7,16 +7,15 @@ stands before it, z up. The carcass is centred on x = y = 0.
 from dataclasses import dataclass
 from typing import Literal
 
-from artiskill.assets.appearance import CabinetAppearance
+from artiskill.assets.cabinets.appearance import CabinetAppearance
 
 CellKind = Literal["drawer", "door", "open", "blind"]
-Side = Literal["left", "right"]
+Side = Literal["left", "right", "top", "bottom"]
+FaceKind = Literal["slab", "shaker", "raised", "glazed", "louvred", "planks"]
+HandleKind = Literal["bar", "bow", "knob", "ring", "lip", "slot", "cup"]
 
 # Overlay fronts rest on bumpers: this much air before the carcass.
 BUMPER_M = 0.002
-# Hinge axes stand this far before the front's face, as the knuckles of a barrel hinge do: an open door then clears
-# its neighbour's face at every angle.
-KNUCKLE_M = 0.002
 
 
 @dataclass(frozen=True)
@@ -56,33 +55,51 @@ class Board:
 
 @dataclass(frozen=True)
 class HandleModel:
-    """The one model of handle that a cabinet's fronts carry.
+    """One model of handle; the fronts of a cabinet share it.
 
     Attributes:
         kind: how it is built, a key of `pulls.BUILDERS`.
-        section: `round` or `square` bar.
-        diameter_m: of the bar, or its side.
-        projection_m: from the front's face to the bar's outermost surface.
-        overhang_m: how far the bar reaches beyond its posts.
-        post_m: diameter of the posts.
+        shape: a variant of the kind: its section (`round`, `square`, `flat`) or form, see the kind's builder.
+        diameter_m: of what the fingers close on: a bar, a knob's head, a ring's wire, a lip's board.
+        projection_m: from the front's face to the handle's outermost surface; how deep a slot is.
+        size_m: its extent across the direction in which it is long: a ring's outer diameter, a lip's flange, a
+            slot's opening, a cup's height; of a bar, a bow and a knob their diameter.
+        overhang_m: how far a bar reaches beyond its posts.
+        post_m: diameter of posts, of a knob's or a ring's neck.
     """
 
-    kind: Literal["bar"]
-    section: Literal["round", "square"]
+    kind: HandleKind
+    shape: str
     diameter_m: float
     projection_m: float
+    size_m: float
     overhang_m: float
     post_m: float
 
 
 @dataclass(frozen=True)
 class HandlePlace:
-    """Where a handle sits on its front: centre (y, z), distance of its posts, and whether it stands upright."""
+    """Where a handle sits on its front.
+
+    Attributes:
+        y, z: its centre.
+        length_m: distance of the posts of a bar, a bow or a cup; length of a lip or a slot; 0 for what is as long
+            as it is wide.
+        vertical: whether it stands upright.
+        mirrored: a lip's flange lies above it or to its right, where otherwise it lies below or to the left.
+    """
 
     y: float
     z: float
-    centres_m: float
+    length_m: float
     vertical: bool
+    mirrored: bool = False
+
+    def reach(self, model: HandleModel) -> tuple[float, float]:
+        """How far the handle reaches from its centre, along y and along z."""
+        along = max(self.length_m / 2 + model.overhang_m, model.size_m / 2)
+        across = model.size_m / 2
+        return (across, along) if self.vertical else (along, across)
 
 
 @dataclass(frozen=True)
@@ -93,8 +110,8 @@ class Cell:
         kind: what fills it.
         clear: the opening between the boards around it.
         front: the rectangle of its front panel; None for an open cell.
-        framed: whether the front is a shaker frame.
-        hinge: the side of a door's hinge, as seen from the room; None otherwise.
+        face: what the front looks like.
+        hinge: the side of a door's hinge, as seen from the room, `top` and `bottom` for flaps; None otherwise.
         limit: how far it opens: metres (drawer) or radians (door); 0 for what does not move.
         box_height_m: height of a drawer's box, else 0.
         box_length_m: depth of a drawer's box, else 0.
@@ -104,7 +121,7 @@ class Cell:
     kind: CellKind
     clear: Rect
     front: Rect | None
-    framed: bool
+    face: FaceKind
     hinge: Side | None
     limit: float
     box_height_m: float
@@ -114,22 +131,41 @@ class Cell:
 
 @dataclass(frozen=True)
 class Support:
-    """What the carcass stands on: a `plinth`, `legs` (round or square) or, with height 0, the `floor`."""
+    """What the carcass stands on, or hangs on.
 
-    kind: Literal["plinth", "legs", "floor"]
+    Attributes:
+        kind: a closed `plinth`, `sides` that reach the ground with a kick board between them, `legs`, `casters`,
+            the `floor` itself, or a `wall`, with nothing below.
+        height_m: of the carcass's lower edge above the ground.
+        setback_m: of what stands below, from the carcass's edges.
+        leg_m: thickness of legs, diameter of casters' wheels.
+        leg_shape: of legs.
+    """
+
+    kind: Literal["plinth", "sides", "legs", "casters", "floor", "wall"]
     height_m: float
     setback_m: float
     leg_m: float
-    leg_shape: Literal["round", "square"]
+    leg_shape: Literal["round", "square", "splayed", "bun", "sled"]
 
 
 @dataclass(frozen=True)
 class Top:
-    """The top board: thickness, and how far it stands over the carcass in front and at the sides."""
+    """The top board.
+
+    Attributes:
+        thickness_m: all of it, steps of a moulding included.
+        front_m: how far it stands over the carcass in front.
+        side_m: likewise, at the sides.
+        steps: boards that it is made of, each standing out over the one below: more than one is a cornice.
+        upstand_m: height of a board along its back edge; 0 for none.
+    """
 
     thickness_m: float
     front_m: float
     side_m: float
+    steps: int
+    upstand_m: float
 
 
 @dataclass(frozen=True)
@@ -138,17 +174,28 @@ class FrontStyle:
 
     Attributes:
         mount: over the carcass's edges, or between them.
-        thickness_m: of the panel, or of a shaker front's frame.
+        face: what they look like; small ones may be plainer.
+        thickness_m: of the panel, or of the frame.
         gap_m: width of the slits.
-        frame_m: width of a shaker frame's members; 0 for slab fronts.
-        recess_m: how far a shaker front's field lies behind its frame.
+        frame_m: width of a frame's members; 0 for fronts without frames.
+        recess_m: how far the field lies behind its frame.
+        muntins: panes side by side and one above the other, of glazed fronts.
+        plank_m: width of the boards of a front of planks, distance of the slats of a louvred one.
+        bow_m: how far the face bulges out in the cabinet's middle.
+        knuckle_m: hinge axes stand this far before the face, as the knuckles of a barrel hinge do: an open door
+            then clears its neighbour's face at every angle.
     """
 
     mount: Literal["overlay", "inset"]
+    face: FaceKind
     thickness_m: float
     gap_m: float
     frame_m: float
     recess_m: float
+    muntins: tuple[int, int]
+    plank_m: float
+    bow_m: float
+    knuckle_m: float
 
 
 @dataclass(frozen=True)
@@ -157,12 +204,14 @@ class CabinetSpec:
 
     Attributes:
         family: kind of furniture.
+        held_out: whether it is of a family that training and test never see.
         width_m, depth_m, height_m: outer sizes of the carcass, the height from the ground.
         panel_m: thickness of the carcass's panels.
         back_m: thickness of the back.
         side_m: thickness of drawer boxes' sides.
         bottom_m: thickness of drawer boxes' bottoms.
-        support, top, front, handle: see there.
+        support, top, front: see there.
+        drawer_handle, door_handle: models of the handles.
         cells: fields of the front, from the top left to the bottom right.
         boards: dividers, rails and shelves.
         appearance: materials.
@@ -170,6 +219,7 @@ class CabinetSpec:
     """
 
     family: str
+    held_out: bool
     width_m: float
     depth_m: float
     height_m: float
@@ -180,7 +230,8 @@ class CabinetSpec:
     support: Support
     top: Top
     front: FrontStyle
-    handle: HandleModel
+    drawer_handle: HandleModel
+    door_handle: HandleModel
     cells: tuple[Cell, ...]
     boards: tuple[Board, ...]
     appearance: CabinetAppearance
@@ -195,13 +246,13 @@ class CabinetSpec:
         """How many cells are of a kind."""
         return sum(cell.kind == kind for cell in self.cells)
 
-    @property
-    def collision_count(self) -> int:
-        """How many collision shapes the built cabinet has: bars have three, drawers five, doors one."""
-        support = {"plinth": 1, "legs": 4, "floor": 0}[self.support.kind]
-        handles = sum(cell.handle is not None for cell in self.cells)
-        carcass = 5 + support + len(self.boards) + self.count("blind")
-        return carcass + 5 * self.count("drawer") + self.count("door") + 3 * handles
+    def handle_of(self, cell: Cell) -> HandleModel:
+        """The model that a door or a drawer carries."""
+        return self.drawer_handle if cell.kind == "drawer" else self.door_handle
+
+    def bulge_m(self, y: float) -> float:
+        """How far the fronts' face stands before `face_x` at a y: a parabola over the cabinet's width."""
+        return self.front.bow_m * max(0.0, 1.0 - (2.0 * y / self.width_m) ** 2)
 
 
 def face_x(depth_m: float, front: FrontStyle) -> float:

@@ -1,6 +1,6 @@
 """From URDF links to rigid bodies: fixed joints merged away, poses at any joint values."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,10 +10,11 @@ from artiskill.geometry.rotations import quat_from_axis_angle, quat_to_matrix
 
 @dataclass(frozen=True, eq=False)
 class PlacedMesh:
-    """A mesh and its pose (4, 4) in its body's frame."""
+    """A mesh, its pose (4, 4) in its body's frame, and the name of the link that lists it."""
 
     mesh: UrdfMesh
     pose: np.ndarray
+    link: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,27 @@ def build_bodies(model: UrdfModel) -> tuple[Body, ...]:
     bodies: list[Body] = []
     _grow(bodies, model, children, Body("base", -1, None, np.eye(4), ()), model.root)
     return tuple(bodies)
+
+
+def drop_empty(bodies: tuple[Body, ...]) -> tuple[tuple[Body, ...], list[str]]:
+    """The bodies without those that draw nothing and carry nothing drawn, and what to say of these.
+
+    A body without surface between others stays: it is a joint in a chain, as between the sliding and the turning
+    of a seat, and a scene gives it a small mass of its own.
+    """
+    used = [bool(body.meshes) for body in bodies]
+    for index in range(len(bodies) - 1, 0, -1):  # children stand after their parents
+        used[bodies[index].parent] |= used[index]
+    used[0] = True
+    number = np.cumsum(used) - 1
+    kept = tuple(
+        replace(body, parent=int(number[body.parent]) if body.parent >= 0 else -1)
+        for body, stays in zip(bodies, used, strict=True)
+        if stays
+    )
+    dropped = [(b.name, b.joint.name) for b, stays in zip(bodies, used, strict=True) if b.joint and not stays]
+    text = "link {!r} and its joint {!r} are left out: nothing drawn hangs on it"
+    return kept, [text.format(*names) for names in dropped]
 
 
 def body_poses(bodies: tuple[Body, ...], values: list[float]) -> list[np.ndarray]:
@@ -78,7 +100,7 @@ def _grow(
     rigid = [(link, np.eye(4))]
     while rigid:
         name, pose = rigid.pop(0)
-        meshes += [PlacedMesh(mesh, pose @ mesh.pose) for mesh in model.links[name]]
+        meshes += [PlacedMesh(mesh, pose @ mesh.pose, name) for mesh in model.links[name]]
         for joint in children.get(name, []):
             if joint.kind == "fixed":
                 rigid.append((joint.child, pose @ joint.pose))

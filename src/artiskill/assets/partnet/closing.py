@@ -6,12 +6,14 @@ these rules, and a warning says so:
 1. The drawn pose (0) is at one end of the range: that end is closed.
 2. It is inside the range, or outside: closed is the end at which the link stands out less towards the front (-x).
 
-Only cabinets close; joints of chairs and buckets keep their drawn pose and their limits.
+Chairs and buckets do not close. What slides up and down in a chair sinks: its lowest end becomes the lower limit,
+since the data set knows no gas springs. All else keeps the limits that the file gives, with the drawn pose at 0.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Literal
 
 import numpy as np
 
@@ -20,7 +22,11 @@ from artiskill.assets.partnet.bodies import Body, body_poses, transform
 from artiskill.assets.partnet.urdf import UrdfJoint
 from artiskill.errors import AssetError
 
+RestRule = Literal["close", "settle", "keep"]
+
+_UPRIGHT = 0.9  # cosine between a joint's axis and the vertical, at least, for it to slide up and down
 _SMALL = 1e-6  # radians or file units: joint values that are equal
+_NEARLY_RAD = 0.01  # a hinge that lacks less of a full turn has no end
 _FULL_TURN_RAD = 2 * np.pi + 1e-3  # the data set rounds
 
 
@@ -40,22 +46,28 @@ class RestJoint:
     sign: int
     limits: tuple[float, float]
 
+    @property
+    def standing(self) -> float:
+        """The file's joint value at `Joint.rest`: the lower limit, where there is one."""
+        return self.value + (self.sign * self.limits[0] if np.isfinite(self.limits[0]) else 0.0)
+
 
 def rest_joints(
-    bodies: tuple[Body, ...], points: list[np.ndarray], closes: bool, where: str
+    bodies: tuple[Body, ...], points: list[np.ndarray], rule: RestRule, where: str
 ) -> tuple[list[RestJoint | None], list[str]]:
     """The rest pose of each body's joint, None for the root, and warnings.
 
     Args:
         bodies: of the object.
         points: (N, 3) per body, its vertices in its frame; N may be 0.
-        closes: whether the object's joints have a closed end.
+        rule: whether joints have a closed end, let things down, or stay as they are drawn.
         where: the object, for messages.
 
     Raises:
         AssetError: a joint's limits are degenerate, or wider than a turn or the object's size.
     """
     size = _drawn_size(bodies, points)
+    drawn_poses = body_poses(bodies, [0.0] * len(bodies))
     rest: list[RestJoint | None] = []
     warnings: list[str] = []
     for index, body in enumerate(bodies):
@@ -65,11 +77,15 @@ def rest_joints(
         kind: JointKind = "prismatic" if body.joint.kind == "prismatic" else "revolute"
         lower, upper = check_limits(body.joint, size, where)
         joint = RestJoint(kind, 0.0, 1, (lower, upper))
-        if closes and np.isinf(lower):
+        said: list[str] = []
+        if rule == "close" and np.isinf(lower):
             warnings.append(f"joint {body.joint.name!r} of {body.name!r} turns without end: it has no closed pose")
-        elif closes:
+        elif rule == "close":
             joint, said = _close(kind, lower, upper, partial(_front, bodies, points, index))
-            warnings += [f"joint {body.joint.name!r} of {body.name!r}: {text}" for text in said]
+        elif rule == "settle":
+            axis = drawn_poses[index][:3, :3] @ body.joint.axis
+            joint, said = _settle(kind, lower, upper, float(axis[2]))
+        warnings += [f"joint {body.joint.name!r} of {body.name!r}: {text}" for text in said]
         rest.append(joint)
     return rest, warnings
 
@@ -136,6 +152,24 @@ def _close(
         return RestJoint(kind, upper, -1, limits), [said]
     said = f"{given}, drawn pose {outside} them: the lower limit, which stands out less, is taken as closed"
     return RestJoint(kind, lower, 1, limits), [said]
+
+
+def _settle(kind: JointKind, lower: float, upper: float, axis_up: float) -> tuple[RestJoint, list[str]]:
+    """The joint of something that only its limits hold up; `axis_up` is the vertical part of its axis."""
+    as_drawn = RestJoint(kind, 0.0, 1, (lower, upper))
+    given = f"limits ({lower:g}, {upper:g})"
+    if np.isinf(lower):
+        return as_drawn, []
+    if kind == "revolute":
+        if upper - lower > 2 * np.pi - _NEARLY_RAD:
+            return RestJoint(kind, 0.0, 1, (-np.inf, np.inf)), [f"{given} are a full turn: it turns without end"]
+        away = abs(lower) > _SMALL
+        return as_drawn, [f"{given}: it rests at the lower one, not as drawn"] if away else []
+    if abs(axis_up) < _UPRIGHT:
+        return as_drawn, []
+    lowest, sign = (lower, 1) if axis_up > 0 else (upper, -1)
+    said = f"{given}: nothing holds it up, it rests at its lowest end, {abs(lowest):g} (file units) from drawn"
+    return RestJoint(kind, lowest, sign, (0.0, upper - lower)), [said] if abs(lowest) > _SMALL else []
 
 
 def _front(bodies: tuple[Body, ...], points: list[np.ndarray], index: int, value: float) -> float:

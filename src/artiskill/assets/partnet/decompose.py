@@ -1,20 +1,15 @@
 """From drawn surfaces to few small convex hulls for contact, by coacd where a hull alone is not good enough.
 
 The order, cheapest first: the hull of the whole part, if its surface stays near the drawn one; the hulls of its
-connected pieces; coacd (Wei et al., SIGGRAPH 2022) on the pieces that remain. Results are kept on disk, keyed by
-the meshes' content and every parameter.
+connected pieces, or slices of them; coacd (Wei et al., SIGGRAPH 2022) on the pieces that remain. `hull_cache`
+keeps the results.
 """
 
-import hashlib
-import os
-import tempfile
-import zipfile
-from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
+from artiskill.assets.partnet.joining import join_hulls
 from artiskill.assets.partnet.meshes import (
     components,
     distance_to_surface,
@@ -23,13 +18,15 @@ from artiskill.assets.partnet.meshes import (
     thick_hull,
     weld,
 )
+from artiskill.assets.partnet.slicing import slice_hulls
+from artiskill.assets.partnet.vessel import vessel_hulls
 from artiskill.errors import MissingExtraError
 from artiskill.geometry.hulls import convex_hull, depth_inside
 from artiskill.geometry.meshes import TriMesh, merge, sample_surface
 
-_VERSION = 2  # of the algorithm: a new number makes old cache files void
 _PROBES = 400  # samples of a hull's surface in the test of a hull alone
 _MOST_PIECES = 48  # connected pieces of a mesh that are looked at one by one
+_MOST_SLICED_PIECES = 6  # likewise where slices do: more of them are a soup of faces
 _MOST_SLABS = 6  # flat faces of a bent sheet that become a slab each
 
 
@@ -44,6 +41,9 @@ class DecompositionConfig:
         max_vertices: per hull; the cost of a contact grows with it.
         resolution: voxels per side with which coacd closes open meshes.
         seed: of coacd's search.
+        slices: into how many slices across its own axis a piece may be cut before coacd is asked (`slicing`).
+        slack_m: the best slices will do, and coacd is not asked, where they lie so near.
+        vessel: the part is an open vessel, cut into sectors about its axis (`vessel`).
     """
 
     tolerance_m: float = 0.004
@@ -52,35 +52,36 @@ class DecompositionConfig:
     max_vertices: int = 32
     resolution: int = 30
     seed: int = 0
-
-
-# 5 mm where the body is concerned is less than a finger's thickness; a handle decides whether a grip holds.
-BODY = DecompositionConfig()
-HANDLE = DecompositionConfig(tolerance_m=0.0015, thickness_m=0.002, max_hulls=10, resolution=50)
-
-
-def default_cache_dir() -> Path:
-    """`$XDG_CACHE_HOME/artiskill`, or `~/.cache/artiskill`."""
-    home = os.environ.get("XDG_CACHE_HOME")
-    return (Path(home) if home else Path.home() / ".cache") / "artiskill"
+    slices: int = 0
+    slack_m: float = 0.0
+    vessel: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class DecompositionPart:
-    """What is decomposed together: a part's drawn meshes, one per file, and how closely to follow them."""
+    """What is decomposed together: a part's drawn meshes, one per file, and how closely to follow them.
+
+    `group`: hulls of parts with the same one may be joined where there are too many; -1 keeps a part's hulls.
+    """
 
     meshes: tuple[TriMesh, ...]
     config: DecompositionConfig
+    group: int = -1
 
 
 def decompose(part: DecompositionPart) -> list[np.ndarray]:
     """Convex hulls, each (V, 3) corner points, that together cover a part's drawn surface.
+
+    Of a vessel, those of its wall and last that of its floor; none where it is no open vessel.
 
     Raises:
         MissingExtraError: coacd is needed and not installed.
     """
     config = part.config
     drawn = merge(part.meshes)
+    if config.vessel:
+        vessel = vessel_hulls(drawn, config.max_vertices)
+        return [] if vessel is None else [*vessel.wall, *vessel.floor]
     if not len(weld(drawn).faces):  # a speck smaller than the welding distance
         return [thick_hull(drawn.vertices, config.thickness_m)[0].mesh.vertices]
     whole = _hull_alone(weld(drawn), config)
@@ -93,12 +94,11 @@ def decompose(part: DecompositionPart) -> list[np.ndarray]:
             continue
         alone = _hull_alone(welded, config)
         pieces = [] if alone is not None else components(welded)
-        if len(pieces) > _MOST_PIECES:
+        if len(pieces) > (_MOST_SLICED_PIECES if config.slices else _MOST_PIECES):
             pieces = [welded]
         hulls += [alone] if alone is not None else [hull for piece in pieces for hull in _cut(piece, config)]
     hulls = _drop_contained(hulls)
-    while len(hulls) > config.max_hulls:
-        hulls = _merge_cheapest(hulls)
+    (hulls,) = join_hulls([hulls], [0], config.max_hulls)
     return [limit_vertices(hull, config.max_vertices) for hull in hulls]
 
 
@@ -112,26 +112,13 @@ def _cut(piece: TriMesh, config: DecompositionConfig) -> list[np.ndarray]:
         slabs = [slab for patch in patches if (slab := _hull_alone(patch, config)) is not None]
         if len(slabs) == len(patches):
             return slabs
+    if config.slices:
+        hulls, error_m = slice_hulls(
+            piece, config.slices, config.tolerance_m, config.thickness_m, config.max_vertices
+        )
+        if error_m <= max(config.tolerance_m, config.slack_m):
+            return hulls
     return _run_coacd(piece, config)
-
-
-def decompose_cached(parts: Sequence[DecompositionPart], cache_dir: Path) -> list[list[np.ndarray]]:
-    """`decompose` of several parts, through a file in `cache_dir / "partnet"`.
-
-    A file that cannot be read is computed anew and replaced; files appear whole or not at all.
-    """
-    digest = hashlib.sha256(f"artiskill-decomposition-{_VERSION}".encode())
-    for part in parts:
-        digest.update(f"{part.config}{len(part.meshes)}".encode())
-        for mesh in part.meshes:
-            digest.update(f"{mesh.vertices.shape}{mesh.faces.shape}".encode())
-            digest.update(mesh.vertices.tobytes() + mesh.faces.tobytes())
-    path = cache_dir / "partnet" / f"{digest.hexdigest()[:32]}.npz"
-    hulls = _load(path, len(parts))
-    if hulls is None:
-        hulls = [decompose(part) for part in parts]
-        _save(path, hulls)
-    return hulls
 
 
 def _hull_alone(mesh: TriMesh, config: DecompositionConfig) -> np.ndarray | None:
@@ -185,50 +172,3 @@ def _drop_contained(hulls: list[np.ndarray]) -> list[np.ndarray]:
         if not any(np.all(depth_inside(planes[k], hulls[i]) >= -1e-4) for k in kept):
             kept.append(i)
     return [hulls[i] for i in sorted(kept)]
-
-
-def _merge_cheapest(hulls: list[np.ndarray]) -> list[np.ndarray]:
-    """Join the two hulls whose common hull adds the least volume."""
-    volumes = [convex_hull(hull).volume_m3 for hull in hulls]
-    pairs = [(i, j) for i in range(len(hulls)) for j in range(i)]
-    added = [
-        convex_hull(np.concatenate((hulls[i], hulls[j]))).volume_m3 - volumes[i] - volumes[j] for i, j in pairs
-    ]
-    i, j = pairs[int(np.argmin(added))]
-    joined = convex_hull(np.concatenate((hulls[i], hulls[j]))).mesh.vertices
-    return [hull for k, hull in enumerate(hulls) if k not in (i, j)] + [joined]
-
-
-def _load(path: Path, count: int) -> list[list[np.ndarray]] | None:
-    """What `_save` wrote, or None where there is no such file or it is damaged."""
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
-            points, sizes, counts = data["points"], data["sizes"], data["counts"]
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-        return None
-    if len(counts) != count or counts.sum() != len(sizes) or points.shape != (sizes.sum(), 3):
-        return None
-    hulls = iter(np.split(points, np.cumsum(sizes)[:-1]))
-    return [[next(hulls) for _ in range(number)] for number in counts]
-
-
-def _save(path: Path, parts: list[list[np.ndarray]]) -> None:
-    """Write atomically; a cache that cannot be written (full or read-only disk) is no error, only slow."""
-    hulls = [hull for part in parts for hull in part]
-    temporary = None
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".tmp", delete=False) as file:
-            temporary = Path(file.name)
-            np.savez(
-                file,
-                points=np.concatenate(hulls),
-                sizes=np.array([len(hull) for hull in hulls]),
-                counts=np.array([len(part) for part in parts]),
-            )
-        temporary.replace(path)
-    except OSError:
-        pass
-    finally:
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)

@@ -1,5 +1,6 @@
 """The drawn surfaces of an imported object: read, placed in their bodies, labelled, merged for drawing."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -7,7 +8,8 @@ import numpy as np
 
 from artiskill.assets.articulated_object import Material, VisualMesh
 from artiskill.assets.partnet.bodies import Body, PlacedMesh, transform
-from artiskill.assets.partnet.obj import ObjMaterial, ObjPart, load_material, read_obj
+from artiskill.assets.partnet.mtl import ObjMaterial, load_material
+from artiskill.assets.partnet.obj import ObjPart, read_obj
 from artiskill.assets.partnet.semantics import PartLabel, PartNames
 from artiskill.errors import AssetError
 from artiskill.geometry.meshes import TriMesh, merge
@@ -67,7 +69,7 @@ def vertices_of(drawn: list[DrawnMesh]) -> np.ndarray:
     return np.concatenate([np.empty((0, 3)), *(s.mesh.vertices for mesh in drawn for s in mesh.sections)])
 
 
-def group_by_part(drawn: list[DrawnMesh]) -> dict[PartLabel, list[DrawnMesh]]:
+def group_by_part(drawn: Sequence[DrawnMesh]) -> dict[PartLabel, list[DrawnMesh]]:
     """Meshes of one part together, parts in the file's order."""
     groups: dict[PartLabel, list[DrawnMesh]] = {}
     for mesh in drawn:
@@ -76,13 +78,13 @@ def group_by_part(drawn: list[DrawnMesh]) -> dict[PartLabel, list[DrawnMesh]]:
 
 
 def visual_meshes(
-    drawn: list[DrawnMesh], textures: dict[Path, np.ndarray | None], warnings: list[str]
+    drawn: Sequence[DrawnMesh], textures: dict[Path, np.ndarray | None], warnings: list[str]
 ) -> tuple[VisualMesh, ...]:
     """Surfaces to draw, merged where part name and material agree; unreadable textures are warned of."""
     groups: dict[tuple[str, ObjMaterial, bool], list[TriMesh]] = {}
     for mesh in drawn:
         for section in mesh.sections:
-            key = (mesh.label.name, section.material, section.mesh.uvs is None)
+            key = (mesh.label.part, section.material, section.mesh.uvs is None)
             groups.setdefault(key, []).append(section.mesh)
     visuals = []
     for (part, obj_material, _), meshes in groups.items():
@@ -108,4 +110,4 @@ def _read_placed(placed: PlacedMesh, folder: Path, names: PartNames, where: str)
         ObjPart(section.material, section.mesh.scaled(placed.mesh.scale))
         for section in read_obj(folder.joinpath(*file.parts), where)
     )
-    return DrawnMesh(names.label(placed.mesh), sections).moved(placed.pose, 1.0, np.zeros(3))
+    return DrawnMesh(names.label(placed.mesh, placed.link), sections).moved(placed.pose, 1.0, np.zeros(3))

@@ -14,6 +14,7 @@ from artiskill.geometry.rotations import quat_rotate
 HOOK_GAP_M = 0.012
 LEAST_HANDLE_THICKNESS_M = 0.002
 _BAR_RATIO = 2.0  # a handle this many times as long as wide is a bar, else a knob
+_HINGE_SIDE_SHARE = 0.4  # a handle within this share of a door's width from its hinge is on the wrong side
 _SAMPLES = 4000
 
 
@@ -46,6 +47,8 @@ def make_grip(
         thickness = LEAST_HANDLE_THICKNESS_M * 1e3
         warnings.append(f"a handle of {link!r} is thinner than {thickness:g} mm: its hull was thickened to that")
     outward, said = outward_direction(mesh, panel, joint, category)
+    if category == "cabinet" and joint.kind == "revolute" and panel is not None:
+        said = said + _hinge_side(mesh, panel, joint)
     warnings += [f"{link!r}: {text}" for text in said]
     gap = gap_behind(mesh, panel, outward, rng)
     handle = handle_from_mesh(link, "bar", mesh, outward, rng, hookable=gap >= HOOK_GAP_M)
@@ -79,6 +82,17 @@ def outward_direction(
     if (centre - panel.bounds.mean(axis=0)) @ normal < 0:
         return -normal, ["the handle stands on the side away from which the door opens: it opens by pushing"]
     return normal, []
+
+
+def _hinge_side(mesh: TriMesh, panel: TriMesh, joint: Joint) -> list[str]:
+    """What to say of a handle nearer to the hinge than to the door's free edge, where opening takes much force."""
+    arm_m, reach_m = (
+        float(np.linalg.norm(np.cross(points - joint.origin, joint.axis), axis=1).max())
+        for points in (mesh.bounds.mean(axis=0)[None], panel.vertices)
+    )
+    if arm_m >= _HINGE_SIDE_SHARE * reach_m:
+        return []
+    return [f"the handle is on the hinge side: {1e3 * arm_m:.0f} mm from the hinge of {1e3 * reach_m:.0f} mm"]
 
 
 def gap_behind(mesh: TriMesh, panel: TriMesh | None, outward: np.ndarray, rng: np.random.Generator) -> float:

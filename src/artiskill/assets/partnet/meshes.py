@@ -76,9 +76,8 @@ def thick_hull(points: np.ndarray, thickness_m: float) -> tuple[ConvexHull, bool
         points: (N, 3), N >= 1; all in one plane, on one line or in one place is legal.
         thickness_m: least extent along every principal axis.
     """
-    centre = points.mean(axis=0)
-    _, _, axes = np.linalg.svd(points - centre, full_matrices=True)
-    along = (points - centre) @ axes.T
+    axes = principal_axes(points)
+    along = points @ axes.T
     missing = np.maximum(thickness_m - np.ptp(along, axis=0), 0.0)
     if not missing.any():
         return convex_hull(points), False
@@ -86,6 +85,12 @@ def thick_hull(points: np.ndarray, thickness_m: float) -> tuple[ConvexHull, bool
         if pad > 0:
             points = np.concatenate((points + axis * pad / 2, points - axis * pad / 2))
     return convex_hull(points), True
+
+
+def principal_axes(points: np.ndarray) -> np.ndarray:
+    """(3, 3) unit rows: the directions in which points (N, 3) spread most, less and least."""
+    centred = points - points.mean(axis=0)
+    return np.linalg.eigh(centred.T @ centred)[1].T[::-1]
 
 
 def limit_vertices(points: np.ndarray, most: int) -> np.ndarray:

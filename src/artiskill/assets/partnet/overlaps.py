@@ -4,8 +4,8 @@ import numpy as np
 
 from artiskill.assets.articulated_object import CollisionShape, Joint, Link
 from artiskill.geometry.hulls import ConvexHull, convex_hull, depth_inside
-from artiskill.geometry.meshes import box, sample_surface
-from artiskill.geometry.rotations import quat_from_axis_angle, quat_to_matrix
+from artiskill.geometry.meshes import box, cylinder, sample_surface, sphere
+from artiskill.geometry.rotations import quat_from_axis_angle, quat_to_matrix, transform_points
 
 # Sheets are made 3 mm thick, so neighbours that touch in the drawing overlap by less than this.
 DEPTH_M = 0.0035
@@ -37,9 +37,14 @@ def find_overlaps(links: tuple[Link, ...]) -> list[str]:
 
 
 def shape_hull(shape: CollisionShape) -> ConvexHull:
-    """The hull, in the link's frame, of a shape that this importer makes: a box or a hull, not turned."""
-    points = shape.vertices if shape.vertices is not None else box(shape.size).vertices
-    return convex_hull(points + shape.position)
+    """The hull, in the link's frame, of a shape that this importer makes."""
+    if shape.vertices is not None:
+        points = shape.vertices
+    elif shape.kind == "cylinder":
+        points = cylinder(shape.size[0], shape.size[1]).vertices
+    else:
+        points = sphere(shape.size[0]).vertices if shape.kind == "sphere" else box(shape.size).vertices
+    return convex_hull(transform_points(shape.position, shape.quaternion, points))
 
 
 def _probe_points(link: Link) -> np.ndarray:

@@ -18,7 +18,7 @@ def moving_links(bodies: tuple[Body, ...], names: PartNames, category: Category)
         if body.joint is None:
             continue
         endless = body.joint.kind == "continuous" or body.joint.limits == (-np.inf, np.inf)
-        usable = any(names.label(placed.mesh).is_handle for placed in body.meshes)
+        usable = any(names.label(placed.mesh, placed.link).is_handle for placed in body.meshes)
         found.append(
             MovingLink(
                 body.name,

@@ -2,13 +2,14 @@
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from artiskill.assets.articulated_object import Category
 from artiskill.assets.handles import is_handle_part
+from artiskill.assets.partnet.part_names import HANDLE, benchmark_part
 from artiskill.assets.partnet.urdf import UrdfMesh
 from artiskill.errors import AssetError
 
@@ -20,37 +21,66 @@ _NAME_AND_ID = re.compile(r"^(?P<name>.+)-(?P<id>\d+)$")
 
 @dataclass(frozen=True)
 class PartLabel:
-    """A part's name and its annotation id, -1 where unknown; meshes of one part share both."""
+    """What a mesh belongs to; meshes of one part share all three.
+
+    Attributes:
+        name: the data set's.
+        id: in its annotation, -1 where unknown.
+        part: the benchmark's name.
+    """
 
     name: str
     id: int
+    part: str
 
     @property
     def is_handle(self) -> bool:
         """Whether the part is something to grip."""
-        return is_handle_part(self.name)
+        return self.part == HANDLE or is_handle_part(self.name)
 
 
+@dataclass(frozen=True)
 class PartNames:
-    """Finds the label of a mesh: by the visual's name, else by the mesh file through the annotations."""
+    """Finds the label of a mesh: by the visual's name, else by the mesh file, else by its link.
 
-    def __init__(self, by_stem: dict[str, PartLabel]) -> None:
-        """`by_stem`: label of each mesh file, by its name without folder and ending."""
-        self._by_stem = by_stem
+    Attributes:
+        category: of the object.
+        by_stem: name and id of each mesh file's part, by the file's name without folder and ending.
+        groups: names of the nodes above each node of the annotation, inner ones first.
+        by_link: names of whole links, the last resort.
+    """
 
-    def label(self, mesh: UrdfMesh) -> PartLabel:
-        """The label of a mesh; `PartLabel("unknown", -1)` where neither source knows it."""
+    category: Category
+    by_stem: Mapping[str, tuple[str, int]]
+    groups: Mapping[int, tuple[str, ...]]
+    by_link: Mapping[str, str]
+
+    def label(self, mesh: UrdfMesh, link: str = "") -> PartLabel:
+        """The label of a mesh; its name is "unknown" where no source knows it.
+
+        Args:
+            mesh: as the URDF lists it.
+            link: name of the link that it belongs to.
+        """
         match = _NAME_AND_ID.match(mesh.name or "")
         if match:
-            return PartLabel(match["name"], int(match["id"]))
-        return self._by_stem.get(Path(mesh.file).stem, PartLabel(mesh.name or UNKNOWN, -1))
+            name, number = match["name"], int(match["id"])
+        elif mesh.name:
+            name, number = mesh.name, -1
+        else:
+            name, number = self.by_stem.get(Path(mesh.file).stem, (self.by_link.get(link, UNKNOWN), -1))
+        return PartLabel(name, number, benchmark_part(self.category, (name, *self.groups.get(number, ()))))
 
 
-def read_part_names(folder: Path) -> PartNames:
-    """Read `result.json` (which mesh belongs to which node) and `mobility_v2.json` (which nodes are parts).
+def read_part_names(folder: Path, category: Category = "cabinet") -> PartNames:
+    """Read `result.json`, `mobility_v2.json` and `semantics.txt`; each may be missing.
 
-    A mesh takes the nearest node above it that `mobility_v2.json` lists as a part, else the leaf that names it.
-    Both files may be missing: then only the URDF's own names count.
+    `result.json` says which mesh belongs to which node, `mobility_v2.json` which nodes are parts: a mesh takes the
+    nearest node above it that is a part, else the leaf that names it. `semantics.txt` names whole links.
+
+    Args:
+        folder: of the object.
+        category: of the object; it decides the benchmark's part names.
 
     Raises:
         AssetError: a file is not JSON or not of the expected shape.
@@ -59,21 +89,33 @@ def read_part_names(folder: Path) -> PartNames:
     for link in _read_list(folder / "mobility_v2.json"):
         for node in _walk(link.get("parts", ()), (), "mobility_v2.json"):
             parts[_node_id(node[-1])] = str(node[-1].get("name", UNKNOWN))
-    by_stem: dict[str, PartLabel] = {}
+    by_stem: dict[str, tuple[str, int]] = {}
+    groups: dict[int, tuple[str, ...]] = {}
     for path in _walk(_read_list(folder / "result.json"), (), "result.json"):
         leaf = path[-1]
         ids = [_node_id(node) for node in path]
         known = [i for i in ids if i in parts]
-        label = (
-            PartLabel(parts[known[-1]], known[-1]) if known else PartLabel(str(leaf.get("name", UNKNOWN)), ids[-1])
-        )
+        label = (parts[known[-1]], known[-1]) if known else (str(leaf.get("name", UNKNOWN)), ids[-1])
+        groups[ids[-1]] = tuple(str(node.get("name", UNKNOWN)) for node in reversed(path[:-1]))
         stems = leaf.get("objs", ())
         if not isinstance(stems, list | tuple):
             raise AssetError(f"result.json: 'objs' must be a list, not {stems!r}")
         for stem in stems:
             # an inner node may list its leaves' meshes again: leaves come later in the walk, and win
             by_stem[str(stem)] = label
-    return PartNames(by_stem)
+    return PartNames(category, by_stem, groups, _read_link_names(folder / "semantics.txt"))
+
+
+def _read_link_names(path: Path) -> dict[str, str]:
+    """Lines such as `link_0 hinge handle`: link, kind of joint, what the link is; others are skipped."""
+    if not path.is_file():
+        return {}
+    try:
+        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError as error:
+        raise AssetError(f"{path.parent.name}/{path.name} cannot be read: {error.strerror}") from error
+    rows = [line.split() for line in lines]
+    return {row[0]: row[2] for row in rows if len(row) == 3}
 
 
 def read_category(folder: Path) -> tuple[Category, str]:
@@ -82,14 +124,22 @@ def read_category(folder: Path) -> tuple[Category, str]:
     Raises:
         AssetError: the file is missing or not JSON, or the category is none of the benchmark's.
     """
-    path = folder / "meta.json"
-    data = _read_json(path)
-    if data is None:
-        raise AssetError(f"PartNet folder {str(folder)!r} has no file 'meta.json'; it must hold one")
-    given = data.get("model_cat") if isinstance(data, dict) else None
+    given = read_meta(folder).get("model_cat")
     if not isinstance(given, str) or given not in CATEGORY_OF:
         raise AssetError(f"{folder.name}/meta.json: model_cat is {given!r}; legal: {', '.join(CATEGORY_OF)}")
     return CATEGORY_OF[given], str(given)
+
+
+def read_meta(folder: Path) -> dict[str, Any]:
+    """What `meta.json` holds; empty where it holds no mapping.
+
+    Raises:
+        AssetError: the file is missing or not JSON.
+    """
+    data = _read_json(folder / "meta.json")
+    if data is None:
+        raise AssetError(f"PartNet folder {str(folder)!r} has no file 'meta.json'; it must hold one")
+    return data if isinstance(data, dict) else {}
 
 
 def _walk(nodes: Any, above: tuple[dict[str, Any], ...], file: str) -> Iterator[tuple[dict[str, Any], ...]]:

@@ -1,10 +1,11 @@
-"""Materials: woods with a generated grain, paints and metals, drawn per object.
+"""Finishes: woods with a generated grain, woven fabrics, paints, plastics and metals, drawn per object.
 
 Palettes are sRGB triples as one would read them off a photograph; `Material` holds linear colours.
 """
 
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any, Literal
 
 import numpy as np
 
@@ -13,9 +14,12 @@ from artiskill.assets.articulated_object import Material
 # A grain texture covers this square of wood, so that no panel of a cabinet needs it to repeat.
 GRAIN_TILE_M = 1.28
 _GRAIN_PIXELS = (192, 48)  # across and along the grain
+# A fabric's texture covers this square; its weave is coarser than a real one, which no camera here resolves.
+WEAVE_TILE_M = 0.32
+_WEAVE_PIXELS, _WEAVE_THREADS = 64, 16
 _GRAIN_SEEDS = 2**31
 
-Finish = Literal["wood", "paint", "metal"]
+Finish = Literal["wood", "paint", "metal", "plastic", "fabric", "leather"]
 
 # Light and dark sRGB of common furniture woods.
 WOODS: dict[str, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
@@ -52,14 +56,45 @@ METALS: dict[str, tuple[tuple[int, int, int], float]] = {  # sRGB and shininess
     "black_iron": ((44, 44, 46), 0.4),
     "nickel": ((168, 164, 156), 0.7),
 }
-# Which finishes carcass, fronts and top have together, with how often.
-_SCHEMES: tuple[tuple[float, tuple[Finish, Finish, Finish]], ...] = (
-    (0.35, ("wood", "wood", "wood")),
-    (0.25, ("paint", "paint", "paint")),
-    (0.15, ("paint", "paint", "wood")),
-    (0.15, ("wood", "paint", "wood")),
-    (0.10, ("paint", "wood", "wood")),
-)
+# Injection-moulded and rotational-moulded goods: strong colours as well as neutral ones.
+PLASTICS: dict[str, tuple[int, int, int]] = {
+    "white": (238, 238, 236),
+    "light_grey": (188, 190, 192),
+    "grey": (120, 122, 126),
+    "black": (34, 34, 36),
+    "red": (196, 44, 40),
+    "orange": (224, 118, 38),
+    "yellow": (234, 196, 62),
+    "green": (66, 138, 78),
+    "blue": (46, 96, 168),
+    "sky": (132, 182, 214),
+    "pink": (220, 140, 164),
+    "beige": (214, 200, 172),
+}
+# Light and dark sRGB of woven upholstery: warp and weft.
+FABRICS: dict[str, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
+    "black": ((58, 58, 62), (34, 34, 38)),
+    "charcoal": ((92, 94, 98), (62, 64, 68)),
+    "grey": ((152, 154, 156), (118, 120, 124)),
+    "sand": ((206, 192, 164), (176, 160, 132)),
+    "navy": ((66, 80, 116), (44, 54, 84)),
+    "petrol": ((52, 108, 116), (34, 80, 88)),
+    "moss": ((112, 124, 84), (84, 96, 60)),
+    "rust": ((176, 96, 66), (142, 72, 48)),
+    "wine": ((136, 52, 66), (104, 36, 48)),
+    "mustard": ((204, 162, 74), (172, 132, 52)),
+}
+
+# Leather, and what is made to look like it.
+LEATHERS: dict[str, tuple[int, int, int]] = {
+    "black": (40, 38, 38),
+    "brown": (92, 64, 46),
+    "cognac": (156, 96, 56),
+    "cream": (222, 210, 188),
+    "grey": (122, 120, 118),
+    "oxblood": (102, 40, 42),
+    "white": (232, 230, 224),
+}
 
 
 @dataclass(frozen=True)
@@ -70,7 +105,7 @@ class Surface:
         finish: which palette.
         name: its key there.
         srgb: base colour, 0..255, after the object's own variation.
-        grain_seed: seeds the grain of a wood; 0 otherwise.
+        grain_seed: seeds the grain of a wood and the weave of a fabric; 0 otherwise.
         shininess: 0 (matt) to 1 (polished).
     """
 
@@ -81,61 +116,35 @@ class Surface:
     shininess: float
 
 
-@dataclass(frozen=True)
-class CabinetAppearance:
-    """The surfaces of one cabinet."""
-
-    carcass: Surface
-    front: Surface
-    top: Surface
-    interior: Surface
-    support: Surface
-    handle: Surface
-    runner: Surface
-
-
-def sample_cabinet_appearance(rng: np.random.Generator) -> CabinetAppearance:
-    """Draw surfaces that go together: parts of one finish share one wood or one paint, or are two-toned."""
-    weights = np.array([w for w, _ in _SCHEMES])
-    carcass_finish, front_finish, top_finish = _SCHEMES[int(rng.choice(len(_SCHEMES), p=weights / weights.sum()))][
-        1
-    ]
-    carcass = sample_surface(rng, carcass_finish)
-    two_toned = carcass_finish != front_finish or rng.random() < 0.15
-    front = sample_surface(rng, front_finish) if two_toned else carcass
-    top = sample_surface(rng, top_finish) if top_finish != carcass_finish or rng.random() < 0.25 else carcass
-    interior = sample_surface(rng, "wood", ("birch", "beech", "pine")) if rng.random() < 0.6 else _white(rng)
-    handle = (
-        sample_surface(rng, "metal") if rng.random() < 0.85 else sample_surface(rng, "paint", ("white", "black"))
-    )
-    support = carcass if rng.random() < 0.7 else sample_surface(rng, "metal", ("brushed_steel", "black_iron"))
-    return CabinetAppearance(
-        carcass, front, top, interior, support, handle, sample_surface(rng, "metal", ("brushed_steel",))
-    )
-
-
 def sample_surface(rng: np.random.Generator, finish: Finish, names: tuple[str, ...] = ()) -> Surface:
     """Draw a surface of a finish, its colour a little off the palette's; `names` restricts the choice."""
-    palette = {"wood": tuple(WOODS), "paint": tuple(PAINTS), "metal": tuple(METALS)}[finish]
-    legal = names or palette
+    legal = names or tuple(_PALETTES[finish])
     name = legal[int(rng.integers(len(legal)))]
     brightness, tint = rng.uniform(0.94, 1.04), rng.uniform(-5, 5, 3)
-    if finish == "wood":
-        base, seed, shininess = WOODS[name][0], int(rng.integers(1, _GRAIN_SEEDS)), float(rng.uniform(0.1, 0.35))
-    elif finish == "paint":
-        base, seed, shininess = PAINTS[name], 0, float(rng.uniform(0.05, 0.5))
-    else:
-        (base, shininess), seed = METALS[name], 0
+    seed = int(rng.integers(1, _GRAIN_SEEDS)) if finish in _TEXTURES else 0
+    base = _PALETTES[finish][name]
+    shininess = METALS[name][1] if finish == "metal" else float(rng.uniform(*_SHININESS[finish]))
     srgb = tuple(int(v) for v in np.clip(np.round(np.array(base) * brightness + tint), 0, 255))
     return Surface(finish, name, (srgb[0], srgb[1], srgb[2]), seed, round(shininess, 3))
 
 
 def make_material(surface: Surface) -> Material:
-    """The engine-free material of a surface; woods come with their grain."""
+    """The engine-free material of a surface; woods come with their grain, fabrics with their weave."""
     linear = srgb_to_linear(np.array(surface.srgb))
     red, green, blue = (round(float(v), 4) for v in linear)
-    texture = wood_grain(surface.name, surface.grain_seed) if surface.finish == "wood" else None
+    make_texture = _TEXTURES.get(surface.finish)
+    texture = None if make_texture is None else make_texture(surface.name, surface.grain_seed)
     return Material(surface.name, (red, green, blue, 1.0), texture, surface.shininess)
+
+
+def make_materials(appearance: Any) -> dict[str, Material]:
+    """The materials of a dataclass whose fields are all `Surface`s, by field; equal surfaces share one."""
+    made: dict[Surface, Material] = {}
+    for field in fields(appearance):
+        surface = getattr(appearance, field.name)
+        if surface not in made:
+            made[surface] = make_material(surface)
+    return {field.name: made[getattr(appearance, field.name)] for field in fields(appearance)}
 
 
 def wood_grain(name: str, seed: int) -> np.ndarray:
@@ -159,14 +168,31 @@ def wood_grain(name: str, seed: int) -> np.ndarray:
     return np.round(255 * (1 - amount * (1 - dark / light))).astype(np.uint8)
 
 
+def fabric_weave(name: str, seed: int) -> np.ndarray:
+    """A texture of crossing threads, each a little lighter or darker, that darkens a fabric's base colour.
+
+    The image covers `WEAVE_TILE_M` either way and repeats.
+
+    Args:
+        name: a key of `FABRICS`.
+        seed: of the threads.
+
+    Returns:
+        (H, W, 3) uint8 sRGB, 255 where the base colour is left as it is.
+    """
+    rng = np.random.default_rng(seed)
+    cell = np.arange(_WEAVE_PIXELS) * _WEAVE_THREADS // _WEAVE_PIXELS
+    over = (cell[:, None] + cell[None]) % 2 == 0  # plain weave: over one, under one
+    warp, weft = rng.random((2, _WEAVE_THREADS))[:, cell]
+    amount = np.where(over, 0.35 * warp[None, :], 0.6 + 0.4 * weft[:, None])[..., None]
+    light, dark = (np.array(rgb, dtype=float) for rgb in FABRICS[name])
+    return np.round(255 * (1 - amount * (1 - dark / light))).astype(np.uint8)
+
+
 def srgb_to_linear(srgb: np.ndarray) -> np.ndarray:
     """Decode sRGB values 0..255 to linear intensities 0..1 (IEC 61966-2-1)."""
     c = np.asarray(srgb, dtype=float) / 255
     return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
-
-
-def _white(rng: np.random.Generator) -> Surface:
-    return sample_surface(rng, "paint", ("white",))
 
 
 def _noise(rng: np.random.Generator, shape: tuple[int, int], cells: tuple[int, int]) -> np.ndarray:
@@ -178,3 +204,21 @@ def _noise(rng: np.random.Generator, shape: tuple[int, int], cells: tuple[int, i
         blend = (at - low).reshape((-1, 1) if axis == 0 else (1, -1))
         coarse = np.take(coarse, low, axis) * (1 - blend) + np.take(coarse, low + 1, axis) * blend
     return coarse
+
+
+_PALETTES: dict[Finish, dict[str, tuple[int, int, int]]] = {
+    "wood": {name: light for name, (light, _) in WOODS.items()},
+    "paint": PAINTS,
+    "metal": {name: srgb for name, (srgb, _) in METALS.items()},
+    "plastic": PLASTICS,
+    "fabric": {name: light for name, (light, _) in FABRICS.items()},
+    "leather": LEATHERS,
+}
+_TEXTURES: dict[Finish, Callable[[str, int], np.ndarray]] = {"wood": wood_grain, "fabric": fabric_weave}
+_SHININESS: dict[Finish, tuple[float, float]] = {  # matt to polished; metals have their own
+    "wood": (0.1, 0.35),
+    "paint": (0.05, 0.5),
+    "plastic": (0.1, 0.55),
+    "fabric": (0.0, 0.05),
+    "leather": (0.15, 0.35),
+}

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from artiskill.assets.appearance import GRAIN_TILE_M
 from artiskill.assets.articulated_object import CollisionShape, Material, VisualMesh
+from artiskill.assets.finishes import GRAIN_TILE_M
 from artiskill.geometry.meshes import TriMesh, box, merge, sample_surface
 
 IDENTITY = np.array((1.0, 0.0, 0.0, 0.0))

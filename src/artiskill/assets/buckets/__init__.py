@@ -1,0 +1,30 @@
+"""Parametric buckets: `sample_bucket` draws a complete specification, `build_bucket` makes the object."""
+
+import numpy as np
+
+from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.assets.buckets.build import build_bucket
+from artiskill.assets.buckets.config import BucketConfig, default_bucket_config
+from artiskill.assets.buckets.sample import sample_bucket
+from artiskill.assets.buckets.spec import BucketSpec
+
+__all__ = [
+    "BucketConfig",
+    "BucketSpec",
+    "build_bucket",
+    "default_bucket_config",
+    "generate_bucket",
+    "sample_bucket",
+]
+
+
+def generate_bucket(seed: int, object_id: str, held_out: bool = False) -> ArticulatedObject:
+    """The bucket of a seed, with the default config.
+
+    Args:
+        seed: at least 0; the same seed, the same bucket.
+        object_id: its name.
+        held_out: whether it is of a held-out family.
+    """
+    form, detail = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
+    return build_bucket(sample_bucket(form, default_bucket_config(), held_out), object_id, detail)

@@ -1,0 +1,185 @@
+"""Ranges and weights from which buckets are drawn; values: `configs/catalog/bucket_generator.yaml`."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cache
+from pathlib import Path
+from typing import get_args
+
+from artiskill.assets.buckets.spec import BailKind, EarKind, FootKind, GripKind, LipKind, ProfileKind, SectionKind
+from artiskill.config import CONFIG_DIR, check, load_config
+
+GENERATOR_YAML: Path = CONFIG_DIR / "catalog" / "bucket_generator.yaml"
+
+Range = tuple[float, float]  # smallest and largest, both possible
+
+NO_BAIL = "none"
+# Field of a family -> which names its weights may have.
+CHOICES: dict[str, tuple[str, ...]] = {
+    "sections": get_args(SectionKind),
+    "profiles": get_args(ProfileKind),
+    "feet": get_args(FootKind),
+    "lips": get_args(LipKind),
+    "bails": (*get_args(BailKind), NO_BAIL),
+    "grips": get_args(GripKind),
+    "ears": get_args(EarKind),
+}
+
+
+@dataclass(frozen=True)
+class MaterialConfig:
+    """What a bucket weighs.
+
+    Attributes:
+        name: `plastic`, `galvanised`, `enamel` or `wood`; decides its colours too.
+        density_kg_m3: of the material.
+        gauge_m: real thickness of its wall, which for sheet metal is less than what is drawn.
+    """
+
+    name: str
+    density_kg_m3: Range
+    gauge_m: Range
+
+    def __post_init__(self) -> None:
+        _check_ranges(self, f"material {self.name!r}")
+
+
+@dataclass(frozen=True)
+class FamilyConfig:
+    """One kind of bucket.
+
+    Attributes:
+        name: goes into the object's metadata.
+        weight: how often it is drawn, relative to the other families of its side.
+        held_out: whether training and test objects never are of it.
+        material: name of a `MaterialConfig`.
+        sections, profiles, feet, lips, bails, grips, ears: weights of what each part is drawn as.
+        top_m: width at the rim across the pivots, without the lip.
+        height_m: from the ground to the rim.
+        taper_deg: mean lean of the wall.
+        wall_m: thickness of the wall as drawn.
+        lip_m: how far the lip stands out.
+        spout_probability: how often the rim has a spout.
+    """
+
+    name: str
+    weight: float
+    held_out: bool
+    material: str
+    sections: dict[str, float]
+    profiles: dict[str, float]
+    feet: dict[str, float]
+    lips: dict[str, float]
+    bails: dict[str, float]
+    grips: dict[str, float]
+    ears: dict[str, float]
+    top_m: Range
+    height_m: Range
+    taper_deg: Range
+    wall_m: Range
+    lip_m: Range
+    spout_probability: float
+
+    def __post_init__(self) -> None:
+        where = f"family {self.name!r}"
+        check(self.weight >= 0, f"{where}: weight must be at least 0, not {self.weight!r}")
+        _check_ranges(self, where)
+        for field, legal in CHOICES.items():
+            _check_weights(getattr(self, field), legal, f"{where}: {field}")
+        check(self.taper_deg[1] <= 20, f"{where}: taper_deg must stay within 20, not {self.taper_deg[1]!r}")
+        bailed = any(weight > 0 for name, weight in self.bails.items() if name != NO_BAIL)
+        text = f"{where}: ears must be boss or tab where there is a bail, not {', '.join(self.ears)}"
+        check(not bailed or "loop" not in self.ears, text)
+
+
+@dataclass(frozen=True)
+class BailConfig:
+    """The hinged handle.
+
+    Attributes:
+        wire_radius_m: of a round wire.
+        moulded_half_m: half width and half thickness of a moulded bow, smallest and largest of each.
+        strap_half_m: likewise of a strap.
+        limit_deg: it turns so far to either side, less where the wall is in the way.
+        least_limit_deg: a bucket whose bail turns less is drawn again.
+        grip_length_m: of a grip.
+        grip_radius_m: of a grip.
+        gap_m: air that the bail keeps from wall and lip.
+    """
+
+    wire_radius_m: Range
+    moulded_half_m: tuple[Range, Range]
+    strap_half_m: tuple[Range, Range]
+    limit_deg: Range
+    least_limit_deg: float
+    grip_length_m: Range
+    grip_radius_m: Range
+    gap_m: float
+
+    def __post_init__(self) -> None:
+        _check_ranges(self, "bail")
+        text = f"bail: least_limit_deg must lie in (0, {self.limit_deg[0]:g}], not {self.least_limit_deg!r}"
+        check(0 < self.least_limit_deg <= self.limit_deg[0], text)
+        check(self.gap_m > 0, f"bail: gap_m must be above 0, not {self.gap_m!r}")
+
+
+@dataclass(frozen=True)
+class BucketConfig:
+    """How buckets are drawn.
+
+    Attributes:
+        families: kinds of buckets.
+        materials: what they weigh.
+        bail: the hinged handle.
+        least_floor_m: half width of the floor's inside, at least: a ball must lie on it.
+        least_stance: half width of what it stands on, relative to its height, at least: a ball that is dropped in
+            askew must not topple it.
+        foot_height_m: of skirts and rings.
+    """
+
+    families: tuple[FamilyConfig, ...]
+    materials: tuple[MaterialConfig, ...]
+    bail: BailConfig
+    least_floor_m: float
+    least_stance: float
+    foot_height_m: Range
+
+    def __post_init__(self) -> None:
+        _check_ranges(self, "bucket")
+        names = [material.name for material in self.materials]
+        for family in self.families:
+            text = f"family {family.name!r}: unknown material {family.material!r}; legal: {', '.join(names)}"
+            check(family.material in names, text)
+        for held_out in (False, True):
+            total = sum(family.weight for family in self.families_of(held_out))
+            check(total > 0, f"families: at least one weight must be above 0 where held_out is {held_out}")
+
+    def families_of(self, held_out: bool) -> tuple[FamilyConfig, ...]:
+        """The families of training and test objects, or the held-out ones."""
+        return tuple(family for family in self.families if family.held_out == held_out)
+
+    def material(self, name: str) -> MaterialConfig:
+        """The material of a name that a family bears."""
+        return next(material for material in self.materials if material.name == name)
+
+
+@cache
+def default_bucket_config() -> BucketConfig:
+    """The config from which the catalogue and generated buckets are made."""
+    return load_config(BucketConfig, GENERATOR_YAML)
+
+
+def _check_ranges(config: object, where: str) -> None:
+    """Every field of type Range must be positive and ordered."""
+    for field in fields(config):  # type: ignore[arg-type]
+        if field.type is Range or field.type == "Range":
+            low, high = getattr(config, field.name)
+            text = f"{where}: {field.name} must be two numbers above 0, the smaller first, not {[low, high]}"
+            check(0 < low <= high, text)
+
+
+def _check_weights(weights: Mapping[str, float], legal: tuple[str, ...], where: str) -> None:
+    for name, weight in weights.items():
+        check(name in legal, f"{where}: unknown name {name!r}; legal: {', '.join(legal)}")
+        check(weight >= 0, f"{where}: the weight of {name!r} must be at least 0, not {weight!r}")
+    check(sum(weights.values()) > 0, f"{where}: at least one weight must be above 0")

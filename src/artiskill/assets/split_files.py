@@ -1,0 +1,39 @@
+"""A user's own split: a YAML file that lists names of objects."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from artiskill.assets.names import is_path, is_split_file
+from artiskill.config import load_config
+from artiskill.errors import AssetError
+
+
+@dataclass(frozen=True)
+class SplitFile:
+    """What such a file holds.
+
+    Attributes:
+        objects: names as `resolve_objects` takes them, other split files excepted; paths are relative to the file.
+        description: for people.
+    """
+
+    objects: tuple[str, ...]
+    description: str = ""
+
+
+def read_split_file(path: Path) -> tuple[str, ...]:
+    """The names that a split file lists.
+
+    Raises:
+        AssetError: there is no such file, or it lists nothing or another split file.
+        ConfigError: it has another form.
+    """
+    if not path.is_file():
+        raise AssetError(f"split file {str(path)!r} does not exist; it holds YAML, `objects: [names]`")
+    names = load_config(SplitFile, path).objects
+    if not names:
+        raise AssetError(f"split file {str(path)!r} lists no object under `objects`")
+    nested = [name for name in names if is_split_file(name)]
+    if nested:
+        raise AssetError(f"split file {str(path)!r} lists another split file: {nested[0]!r}")
+    return tuple(str(path.parent / name) if is_path(name) else name for name in names)
