@@ -1,7 +1,10 @@
 """The same scenes through MuJoCo's OpenGL renderer, by its best recipe, where there is one on this machine.
 
 Per camera one pass for colour and depth and one for ids; no shadows, reflections, sky, haze, textures or
-multisampling. World positions are left out, depth is left as the buffer holds it: both in its favour.
+multisampling. `render` leaves everything as OpenGL's buffers hold it. `convert` is what a user adds to have what
+our sensor gives: metric depth, ids of visuals and world positions, by the fastest of several ways to write it in
+NumPy (single precision, arrays made once, one axis of the positions at a time). The rows stay in OpenGL's order,
+bottom first, as a view turns them at no cost.
 """
 
 import os
@@ -11,6 +14,8 @@ import numpy as np
 from sensor_scenes import BenchmarkScene
 
 from artiskill.sensors.camera import Camera
+from artiskill.sensors.images import Images
+from artiskill.sensors.rasterise import FLOOR, NOTHING
 
 
 class GlSensor:
@@ -35,6 +40,13 @@ class GlSensor:
         self.ids = np.empty_like(self.rgb)
         self.depth = np.empty((len(self.cameras), height, width), dtype=np.float32)
         self._option, self._free = mujoco.MjvOption(), mujoco.MjvCamera()
+        self.depth_m, self.geom = np.empty_like(self.depth), np.empty(self.depth.shape, dtype=np.int32)
+        self.position_w = np.empty((*self.depth.shape, 3), dtype=np.float32)
+        self._plane = np.empty((height, width), dtype=np.float32)
+        # the numbers in `ids`: 0 nothing, then the visuals in their order, then the ground
+        ours = [NOTHING, *range(len(scene.visuals)), FLOOR]
+        self._geom_of = np.array(ours + [NOTHING] * (256 - len(ours)), dtype=np.int32)
+        self.context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR  # needs no conversion
 
     def render(self) -> None:
         """Draw all cameras into `rgb`, `depth` and `ids`."""
@@ -52,11 +64,42 @@ class GlSensor:
                 image, depth = (self.ids[i], None) if segment else (self.rgb[i], self.depth[i])
                 mujoco.mjr_readPixels(image, depth, self.viewport, self.context)
 
-    def seen(self) -> float:
-        """Share of pixels that show a mesh: to compare with ours, so that both draw the same."""
-        ids = self.ids[..., 0].astype(int) + 256 * self.ids[..., 1].astype(int)
-        floor = self.model.ngeom - 1
-        return float(((ids > 0) & (ids - 1 != floor)).mean())
+    def convert(self) -> None:
+        """Fill `depth_m`, `geom` and `position_w` from the last rendering: metres and our ids."""
+        height, width = self.depth.shape[1:]
+        columns = np.arange(width, dtype=np.float32)
+        rows = np.arange(height - 1, -1, -1, dtype=np.float32)
+        for i, camera in enumerate(self.cameras):
+            near, far, z = camera.near_m, camera.far_m, self.depth_m[i]
+            # the buffer is linear in 1 / z, 0 at the far plane and 1 at the near one
+            np.multiply(self.depth[i], np.float32(1 / near - 1 / far), out=z)
+            np.add(z, np.float32(1 / far), out=z)
+            np.divide(np.float32(1), z, out=z)
+            np.take(self._geom_of, self.ids[i, ..., 0], out=self.geom[i], mode="clip")
+            focal, centre_x, centre_y = camera.lens()[:3]
+            r = camera.rotation_w
+            along, across = (columns + 0.5 - centre_x) / focal, (centre_y - 0.5 - rows) / focal
+            for k in range(3):
+                of_row = (r[k, 1] * across - r[k, 2]).astype(np.float32)
+                of_column = (r[k, 0] * along).astype(np.float32)
+                np.add(of_row[:, None], of_column, out=self._plane)
+                np.multiply(self._plane, z, out=self._plane)
+                np.add(self._plane, np.float32(camera.position_w[k]), out=self.position_w[i, ..., k])
+            nothing = self.geom[i] == NOTHING
+            if nothing.any():
+                z[nothing], self.position_w[i, nothing] = 0.0, 0.0
+
+    def differences(self, ours: Images) -> str:
+        """How far the converted images are from ours, so that both draw the same: a line to print."""
+        geom, depth, place = self.geom[:, ::-1], self.depth_m[:, ::-1], self.position_w[:, ::-1]
+        same = geom == ours.geom
+        off_m = np.abs(depth - ours.depth)[same]
+        off_w_m = np.abs(place - ours.position_w).max(axis=-1)[same]
+        return (
+            f"ids equal in {100 * same.mean():.2f} % of pixels; there 99 % of depths within "
+            f"{1e3 * np.quantile(off_m, 0.99):.3f} mm, of positions within "
+            f"{1e3 * np.quantile(off_w_m, 0.99):.3f} mm"
+        )
 
     def close(self) -> None:
         """Give the context back."""

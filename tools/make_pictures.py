@@ -10,7 +10,7 @@ from artiskill.evaluation.plan import make_plan
 from artiskill.evaluation.recording import record_video
 from artiskill.evaluation.video import write_video
 
-OBJECTS = ("cabinet-0010", "cabinet-0014", "cabinet-0029")
+OBJECTS = ("cabinet-0003", "cabinet-0005", "cabinet-0015")
 WIDTH, HEIGHT = 448, 336
 EVERY, FRAMES_PER_S = 2, 5
 OUT = Path(__file__).resolve().parents[1] / "docs" / "images" / "drawers.gif"

@@ -1,4 +1,4 @@
-"""Make the pictures of docs/observations.md anew: `python tools/make_sensor_pictures.py`.
+"""Make the pictures of docs/observations.md and docs/pictures.md anew: `python tools/make_sensor_pictures.py`.
 
 `--out` writes them elsewhere, `--object` shows another cabinet.
 """
@@ -9,28 +9,20 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from artiskill.assets.catalog import load_object
 from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.evaluation.pictures import EpisodeChoice, picture_episode
+from artiskill.evaluation.scene_pictures import PictureStyle
 from artiskill.experts.open_cabinet import OpenCabinetExpert
 from artiskill.sensors.camera import Camera
 from artiskill.sensors.downsample import downsample, make_sampler
+from artiskill.sensors.object_picture import render_object
 from artiskill.sensors.overlay import draw_points, paint_depth, paint_masks
+from artiskill.sensors.sheet import below, beside
 
-OBJECT, LEVEL, STEPS = "cabinet-0014", 3, 60
+TASK, OBJECT, LEVEL, STEPS = "OpenCabinetDrawer", "cabinet-0023", 3, 60
 OUT = Path(__file__).resolve().parents[1] / "docs" / "images"
-GAP_PX = 6
 SAMPLERS = ("maniskill", "voxel", "fps")
-
-
-def beside(pictures: list[np.ndarray]) -> np.ndarray:
-    """Pictures of one height, left to right, with white between them."""
-    gap = np.full((pictures[0].shape[0], GAP_PX, 3), 255, dtype=np.uint8)
-    parts = [part for picture in pictures for part in (picture, gap)]
-    return np.concatenate(parts[:-1], axis=1)
-
-
-def below(pictures: list[np.ndarray]) -> np.ndarray:
-    """Pictures of one width, top to bottom, with white between them."""
-    return beside([picture.swapaxes(0, 1) for picture in pictures]).swapaxes(0, 1)
 
 
 def save(path: Path, picture: np.ndarray) -> None:
@@ -41,7 +33,7 @@ def save(path: Path, picture: np.ndarray) -> None:
 
 def reach_out(obs_mode: str, object_id: str) -> tuple[ManipulationEnv, dict]:
     """An environment in which the expert has opened a drawer part of the way, and what is seen then."""
-    env = ManipulationEnv(objects=object_id, obs_mode=obs_mode)
+    env = ManipulationEnv(TASK, objects=object_id, obs_mode=obs_mode)
     observation, _ = env.reset(seed=LEVEL)
     expert = OpenCabinetExpert(env.task.robot)
     expert.reset(env.snapshot, env.goal)
@@ -91,6 +83,15 @@ def _world(cloud: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     return {"xyz_w": cloud["xyz"], "rgb": cloud["rgb"], "seg": cloud["seg"]}
 
 
+def render_sheet(folder: Path, object_id: str) -> None:
+    """What `artiskill render --view all` writes, and an object alone, closed and open, side by side."""
+    path = folder / "render_sheet.png"
+    picture_episode(path, EpisodeChoice(TASK, object_id, level=LEVEL), PictureStyle(view="all"), STEPS)
+    print(f"{path}: {path.stat().st_size / 1e3:.0f} kB")
+    alone = [render_object(load_object(object_id), share, 480, 400) for share in (0.0, 0.8)]
+    save(folder / "render_object.png", beside(alone))
+
+
 def main() -> None:
     """Draw and save."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -100,6 +101,7 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     save(options.out / "robot_view.png", robot_view(options.object))
     save(options.out / "point_clouds.png", clouds(options.object))
+    render_sheet(options.out, options.object)
 
 
 if __name__ == "__main__":

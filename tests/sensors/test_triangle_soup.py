@@ -29,14 +29,14 @@ def test_shared_textures_are_stored_once_and_large_ones_shrunk(make):
         make.visual(make.sheet()),
         max_px=10,
     )
-    assert soup.textures.tolist() == [[0, 10, 5], [0, 10, 5], [0, 0, 0]]
-    assert soup.texels.shape == (50, 3)
+    assert soup.textures[:, 0].tolist() == [[0, 10, 5], [0, 10, 5], [0, 0, 0]]
+    assert soup.texels.shape == (10 * 5 + 5 * 2 + 2 * 1 + 1, 3)
     assert (soup.texels == 7).all()
 
 
 def test_a_texture_without_coordinates_is_not_used(make):
     soup = build(make.visual(box((1, 1, 1)), texture=np.zeros((4, 4, 3), dtype=np.uint8)))
-    assert soup.textures[0, 1] == 0
+    assert soup.textures[0, 0, 1] == 0
 
 
 def test_nothing_at_all_is_legal():

@@ -41,13 +41,15 @@ class Lights(NamedTuple):
     """Lights and colours, each (3,) float64.
 
     `to_sun` is a unit vector, `horizon` and `zenith` are linear values of the finished picture, the rest is linear
-    light times the exposure. `encode` (8193,) takes linear [0, 1] to the display's [0, 255], `decode` (256,) back.
+    light times the exposure. `lamps` (L, 7): position, light at a distance of 1 m, 1 / range^2. `encode` (8193,)
+    takes linear [0, 1] to the display's [0, 255], `decode` (256,) back.
     """
 
     to_sun: Array
     sun: Array
     sky: Array
     bounce: Array
+    lamps: Array
     floor: Array
     horizon: Array
     zenith: Array
@@ -80,12 +82,22 @@ def lights(config: RenderConfig) -> Lights:
         sun=np.array(config.sun.colour) * (config.sun.strength * exposure),
         sky=np.array(config.ambient.sky) * exposure,
         bounce=np.array(config.ambient.ground) * exposure,
+        lamps=_lamp_rows(config),
         floor=np.array(config.floor.colour),
         horizon=np.array([_srgb_decoded(c) for c in config.background.horizon]),
         zenith=np.array([_srgb_decoded(c) for c in config.background.zenith]),
         encode=np.array(steps),
         decode=np.array([_srgb_decoded(i / 255.0) for i in range(256)]),
     )
+
+
+def _lamp_rows(config: RenderConfig) -> np.ndarray:
+    rows = np.zeros((len(config.lamps), 7))
+    for row, lamp in zip(rows, config.lamps, strict=True):
+        row[:3] = lamp.position_w
+        row[3:6] = np.array(lamp.colour) * (lamp.strength * config.exposure)
+        row[6] = 1.0 / lamp.range_m**2
+    return rows
 
 
 @kernel

@@ -6,7 +6,14 @@ import numpy as np
 
 from artiskill.geometry.kernel import Array, Point, kernel
 from artiskill.sensors.lighting import View
-from artiskill.sensors.scan_conversion import point, scan_convert
+from artiskill.sensors.scan_conversion import (
+    covers_centres,
+    depth_plane,
+    downwards,
+    fill_rows,
+    point,
+    scan_convert,
+)
 from artiskill.sensors.scene_tables import SceneTables
 
 NOTHING = -1
@@ -64,10 +71,11 @@ def draw_geoms(
         inverse_depth: (H, W) float32 buffer.
         triangle: (H, W) int32 buffer.
     """
+    height, width = inverse_depth.shape
     for g in range(scene.geom_body.shape[0]):
         pose = scene.geom_body[g] + 1
-        rows = body_to_camera(positions[pose], rotations[pose], view)
-        if out_of_view(scene.geom_spheres[g], rows, view.lens):
+        rows = body_to_camera(positions, rotations, pose, view)
+        if out_of_view(scene.geom_spheres, g, rows, view.lens):
             continue
         first, last = scene.geom_vertices[g], scene.geom_vertices[g + 1]
         place_vertices(scene.vertices[first:last], rows, view.lens, camera[first:last], projected[first:last])
@@ -77,7 +85,8 @@ def draw_geoms(
             face = (scene.faces[t, 0], scene.faces[t, 1], scene.faces[t, 2])
             a, b, c = point(projected, face[0]), point(projected, face[1]), point(projected, face[2])
             if a[2] > 0.0 and b[2] > 0.0 and c[2] > 0.0:
-                scan_convert(a, b, c, t, scene.two_sided[t], inverse_depth, triangle)
+                if covers_centres(a, b, c, scene.two_sided[t], height, width):
+                    fill_rows(downwards(a, b, c), depth_plane(a, b, c), t, inverse_depth, triangle)
             elif a[2] > 0.0 or b[2] > 0.0 or c[2] > 0.0:
                 clipped = clip_near(camera, face, view.lens)
                 for k in range(2, clipped.shape[0]):
@@ -86,23 +95,24 @@ def draw_geoms(
 
 
 @kernel
-def body_to_camera(position: Array, rotation: Array, view: View) -> tuple[Row, Row, Row]:
+def body_to_camera(positions: Array, rotations: Array, pose: int, view: View) -> tuple[Row, Row, Row]:
     """The map from a body's frame to right, up and depth of a camera."""
-    d = (position[0] - view.position[0], position[1] - view.position[1], position[2] - view.position[2])
+    eye, axes = view.position, view.rotation
+    d = (positions[pose, 0] - eye[0], positions[pose, 1] - eye[1], positions[pose, 2] - eye[2])
     return (
-        _row(1.0, view.rotation[:, 0], rotation, d),
-        _row(1.0, view.rotation[:, 1], rotation, d),
-        _row(-1.0, view.rotation[:, 2], rotation, d),
+        _row((axes[0, 0], axes[1, 0], axes[2, 0]), rotations, pose, d),
+        _row((axes[0, 1], axes[1, 1], axes[2, 1]), rotations, pose, d),
+        _row((-axes[0, 2], -axes[1, 2], -axes[2, 2]), rotations, pose, d),
     )
 
 
 @kernel
-def _row(sign: float, axis: Array, r: Array, d: Point) -> Row:
-    x, y, z = sign * axis[0], sign * axis[1], sign * axis[2]
+def _row(axis: Point, r: Array, pose: int, d: Point) -> Row:
+    x, y, z = axis
     return (
-        x * r[0, 0] + y * r[1, 0] + z * r[2, 0],
-        x * r[0, 1] + y * r[1, 1] + z * r[2, 1],
-        x * r[0, 2] + y * r[1, 2] + z * r[2, 2],
+        x * r[pose, 0, 0] + y * r[pose, 1, 0] + z * r[pose, 2, 0],
+        x * r[pose, 0, 1] + y * r[pose, 1, 1] + z * r[pose, 2, 1],
+        x * r[pose, 0, 2] + y * r[pose, 1, 2] + z * r[pose, 2, 2],
         x * d[0] + y * d[1] + z * d[2],
     )
 
@@ -114,12 +124,12 @@ def mapped(row: Row, x: float, y: float, z: float) -> float:
 
 
 @kernel
-def out_of_view(sphere: Array, rows: tuple[Row, Row, Row], lens: Array) -> bool:
-    """Whether a sphere lies wholly outside one of the six planes that bound what a camera sees."""
-    x = mapped(rows[0], sphere[0], sphere[1], sphere[2])
-    y = mapped(rows[1], sphere[0], sphere[1], sphere[2])
-    depth = mapped(rows[2], sphere[0], sphere[1], sphere[2])
-    radius = sphere[3]
+def out_of_view(spheres: Array, g: int, rows: tuple[Row, Row, Row], lens: Array) -> bool:
+    """Whether sphere g lies wholly outside one of the six planes that bound what a camera sees."""
+    centre, radius = point(spheres, g), spheres[g, 3]
+    x = mapped(rows[0], centre[0], centre[1], centre[2])
+    y = mapped(rows[1], centre[0], centre[1], centre[2])
+    depth = mapped(rows[2], centre[0], centre[1], centre[2])
     if depth + radius < lens[3] or depth - radius > lens[4]:
         return True
     # the tangent of half the angle of view; the image's centre is its middle

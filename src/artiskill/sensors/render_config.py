@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from artiskill.config import CONFIG_DIR, check, load_config
+from artiskill.config import CONFIG_DIR, check, check_vector, load_config
 
 QUALITIES = ("picture", "fast")
 
@@ -41,6 +41,29 @@ class SunConfig:
             math.cos(elevation) * math.sin(azimuth),
             math.sin(elevation),
         )
+
+
+@dataclass(frozen=True)
+class LampConfig:
+    """A point light. Lamps throw no shadows; at `fast` quality faces take their light at the corners only.
+
+    Attributes:
+        position_w: (x, y, z) in the world, metres.
+        colour: linear RGB.
+        strength: factor on the colour; the light on a surface that faces the lamp 1 m away.
+        range_m: the light falls with the square of the distance, and is gone here.
+    """
+
+    position_w: tuple[float, ...]
+    colour: tuple[float, ...]
+    strength: float
+    range_m: float
+
+    def __post_init__(self) -> None:
+        check_vector(self, "position_w")
+        _check_colour("colour", self.colour)
+        _check_not_negative("strength", self.strength)
+        check(0 < self.range_m < math.inf, f"range_m must be positive and finite, not {self.range_m}")
 
 
 @dataclass(frozen=True)
@@ -161,6 +184,7 @@ class RenderConfig:
         samples_per_axis: antialiasing of pictures: its square is the number of samples per pixel, 1 to 4.
         exposure: factor on all light before tone mapping.
         sun: the directional light.
+        lamps: point lights, any number.
         ambient: the hemisphere light.
         shadows: of the sun.
         occlusion: of the sky.
@@ -174,6 +198,7 @@ class RenderConfig:
     samples_per_axis: int
     exposure: float
     sun: SunConfig
+    lamps: tuple[LampConfig, ...]
     ambient: AmbientConfig
     shadows: ShadowConfig
     occlusion: OcclusionConfig

@@ -7,7 +7,7 @@ import numpy as np
 from artiskill.geometry.kernel import Array, kernel
 from artiskill.sensors.lighting import Lights, View
 from artiskill.sensors.rasterise import draw_geoms, fill_background
-from artiskill.sensors.resolve import Channels, resolve_geometry
+from artiskill.sensors.resolve import Channels, resolve_depth, resolve_geometry
 from artiskill.sensors.scene_tables import SceneTables
 from artiskill.sensors.shade_fast import ShadeScratch, allocate_shade_scratch, shade_fast
 
@@ -21,6 +21,7 @@ class Scratch(NamedTuple):
         candidates: (F,) int32 faces to draw.
         inverse_depth: (H, W) float32.
         triangle: (H, W) int32.
+        depth: (1, H, W) float32 metres, for when depth is not asked for.
         shade: of the shader.
     """
 
@@ -29,6 +30,7 @@ class Scratch(NamedTuple):
     candidates: Array
     inverse_depth: Array
     triangle: Array
+    depth: Array
     shade: ShadeScratch
 
 
@@ -56,7 +58,8 @@ def allocate_scratch(scene: SceneTables, height: int, width: int) -> Scratch:
         np.empty(faces + 1, dtype=np.int32),  # one more: the last entry is written before it is counted
         np.empty((height, width), dtype=np.float32),
         np.empty((height, width), dtype=np.int32),
-        allocate_shade_scratch(faces, len(scene.point_vertex)),
+        np.empty((1, height, width), dtype=np.float32),
+        allocate_shade_scratch(faces, len(scene.point_vertex), height * width),
     )
 
 
@@ -105,16 +108,19 @@ def render_views(
             buffers[0],
             buffers[1],
         )
-        resolve_geometry(k, scene, view, buffers[0], buffers[1], out)
+        depth = out.depth[k] if out.depth.size > 0 else scratch.depth[0]
+        if out.depth.size > 0 or out.position_w.size > 0 or out.rgb.size > 0:
+            resolve_depth(buffers[0], buffers[1], depth)
+        resolve_geometry(k, scene, view, depth, buffers[1], out)
         if out.rgb.size > 0:
             shade_fast(
                 scene,
                 rotations,
-                view.lens,
+                view,
                 light,
                 plain,
                 scratch.camera,
-                buffers[0],
+                depth,
                 buffers[1],
                 scratch.shade,
                 out.rgb[k],

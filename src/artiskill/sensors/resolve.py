@@ -28,14 +28,10 @@ class Channels(NamedTuple):
 
 
 @kernel
-def resolve_geometry(
-    k: int, scene: SceneTables, view: View, inverse_depth: Array, triangle: Array, out: Channels
-) -> None:
-    """Write all channels of view k but its colours, those that were asked for."""
-    if out.depth.size > 0:
-        resolve_depth(inverse_depth, triangle, out.depth[k])
+def resolve_geometry(k: int, scene: SceneTables, view: View, depth: Array, triangle: Array, out: Channels) -> None:
+    """Write positions and ids of view k, those that were asked for."""
     if out.position_w.size > 0:
-        resolve_position(inverse_depth, triangle, view, out.position_w[k])
+        resolve_position(depth, triangle, view, out.position_w[k])
     if out.geom.size > 0:
         resolve_geom(triangle, scene.face_geom, out.geom[k])
     if out.body.size > 0:
@@ -54,7 +50,7 @@ def resolve_depth(inverse_depth: Array, triangle: Array, depth: Array) -> None:
 
 
 @kernel
-def resolve_position(inverse_depth: Array, triangle: Array, view: View, position_w: Array) -> None:
+def resolve_position(depth: Array, triangle: Array, view: View, position_w: Array) -> None:
     """World position of what each pixel sees, metres, 0 where nothing is; double precision once per row."""
     r, per_px = view.rotation, 1.0 / view.lens[0]
     eye = (np.float32(view.position[0]), np.float32(view.position[1]), np.float32(view.position[2]))
@@ -67,12 +63,12 @@ def resolve_position(inverse_depth: Array, triangle: Array, view: View, position
             np.float32(r[1, 0] * right + r[1, 1] * up - r[1, 2]),
             np.float32(r[2, 0] * right + r[2, 1] * up - r[2, 2]),
         )
-        row_of_positions(inverse_depth[row], triangle[row], eye, ray, step, position_w[row].reshape(-1))
+        row_of_positions(depth[row], triangle[row], eye, ray, step, position_w[row].reshape(-1))
 
 
 @kernel
 def row_of_positions(
-    inverse_depth: Array, triangle: Array, eye: Single, ray: Single, step: Single, position_w: Array
+    depth: Array, triangle: Array, eye: Single, ray: Single, step: Single, position_w: Array
 ) -> None:
     """Positions (3 W,) of a row: a flat loop, which the compiler turns into vector instructions.
 
@@ -81,8 +77,7 @@ def row_of_positions(
     """
     for column in range(triangle.shape[0]):
         seen = np.float32(1.0) if triangle[column] != NOTHING else np.float32(0.0)
-        z = seen / inverse_depth[column]
-        x = np.float32(column)
+        z, x = depth[column], np.float32(column)
         position_w[3 * column] = z * (ray[0] + x * step[0]) + seen * eye[0]
         position_w[3 * column + 1] = z * (ray[1] + x * step[1]) + seen * eye[1]
         position_w[3 * column + 2] = z * (ray[2] + x * step[2]) + seen * eye[2]

@@ -8,6 +8,10 @@ towards the sun of a shadow map. Both are linear over the screen. Geometry is fl
 import numpy as np
 
 from artiskill.geometry.kernel import Array, Point, kernel
+from artiskill.sensors.lanes import LANES, draw_lanes
+
+# x and y on the screen
+Pixel = tuple[float, float]
 
 # square pixels: a sliver this thin covers no pixel centre worth having, and its depth gradient is noise
 _MIN_AREA_PX = 1e-6
@@ -28,24 +32,57 @@ def scan_convert(
     a: Point, b: Point, c: Point, t: int, two_sided: bool, inverse_depth: Array, triangle: Array
 ) -> None:
     """Draw one projected triangle, unless it shows its back, has no area or covers no pixel's centre."""
-    area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])  # y points down: negative in front
-    if not (_MIN_AREA_PX < abs(area) < _MAX_AREA_PX) or (area > 0.0 and not two_sided):
-        return  # written so that NaN ends here too
-    if misses_centres(min(a[0], b[0], c[0]), max(a[0], b[0], c[0]), inverse_depth.shape[1]):
-        return
-    if misses_centres(min(a[1], b[1], c[1]), max(a[1], b[1], c[1]), inverse_depth.shape[0]):
-        return
-    inverse = 1.0 / area
+    height, width = inverse_depth.shape
+    if covers_centres(a, b, c, two_sided, height, width):
+        fill_rows(downwards(a, b, c), depth_plane(a, b, c), t, inverse_depth, triangle)
+
+
+@kernel
+def depth_plane(a: Point, b: Point, c: Point) -> Point:
+    """What a triangle's w is at the centre of the first pixel, and its growth per column and per row."""
+    inverse = 1.0 / screen_area(a, b, c)
     dw_dx = ((b[2] - a[2]) * (c[1] - a[1]) - (c[2] - a[2]) * (b[1] - a[1])) * inverse
     dw_dy = ((c[2] - a[2]) * (b[0] - a[0]) - (b[2] - a[2]) * (c[0] - a[0])) * inverse
-    w_corner = a[2] + (0.5 - a[0]) * dw_dx + (0.5 - a[1]) * dw_dy
-    if b[1] < a[1]:
-        a, b = b, a
-    if c[1] < a[1]:
-        a, c = c, a
-    if c[1] < b[1]:
-        b, c = c, b
-    fill_rows(a, b, c, (w_corner, dw_dx, dw_dy), t, inverse_depth, triangle)
+    return a[2] + (0.5 - a[0]) * dw_dx + (0.5 - a[1]) * dw_dy, dw_dx, dw_dy
+
+
+@kernel
+def screen_area(a: Point, b: Point, c: Point) -> float:
+    """Twice the area of a triangle on the screen; as y points down, it is negative where the front is seen."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
+
+
+@kernel
+def covers_centres(a: Point, b: Point, c: Point, two_sided: bool, height: int, width: int) -> bool:
+    """Whether a triangle may have to be drawn: it is seen, has an area, and a pixel's centre lies in its box."""
+    area = screen_area(a, b, c)
+    if not (_MIN_AREA_PX < abs(area) < _MAX_AREA_PX) or (area > 0.0 and not two_sided):
+        return False  # written so that NaN ends here too
+    if misses_centres(min(a[0], b[0], c[0]), max(a[0], b[0], c[0]), width):
+        return False
+    return not misses_centres(min(a[1], b[1], c[1]), max(a[1], b[1], c[1]), height)
+
+
+@kernel
+def downwards(a: Point, b: Point, c: Point) -> tuple[Pixel, Pixel, Pixel]:
+    """Three places on the screen by their y; those with the same y stay in their order.
+
+    Which way a comparison goes cannot be foreseen, so these are choices between numbers instead of jumps.
+    """
+    first, second = in_order((a[0], a[1]), (b[0], b[1]))
+    first, third = in_order(first, (c[0], c[1]))
+    second, third = in_order(second, third)
+    return first, second, third
+
+
+@kernel
+def in_order(a: Pixel, b: Pixel) -> tuple[Pixel, Pixel]:
+    """Two places on the screen, the upper one first."""
+    swap = b[1] < a[1]
+    return (
+        (b[0] if swap else a[0], b[1] if swap else a[1]),
+        (a[0] if swap else b[0], a[1] if swap else b[1]),
+    )  # fmt: skip
 
 
 @kernel
@@ -60,7 +97,7 @@ def misses_centres(low: float, high: float, size: int) -> bool:
 
 @kernel
 def fill_rows(
-    top: Point, middle: Point, bottom: Point, plane: Point, t: int, inverse_depth: Array, triangle: Array
+    corners: tuple[Pixel, Pixel, Pixel], plane: Point, t: int, inverse_depth: Array, triangle: Array
 ) -> None:
     """The pixels whose centres lie in a triangle or on its edges, with depth test.
 
@@ -68,29 +105,43 @@ def fill_rows(
     between them. `plane` is w at the centre of the first pixel and its growth per column and per row.
     """
     height, width = inverse_depth.shape
+    top, middle, bottom = corners
     first_row = clamp_index(np.ceil(top[1] - 0.5), 0, height)
     last_row = clamp_index(np.floor(bottom[1] - 0.5), -1, height - 1)
     long_slope, upper_slope, lower_slope = slope(top, bottom), slope(top, middle), slope(middle, bottom)
     for row in range(first_row, last_row + 1):
         y = row + 0.5
         x_long = top[0] + (y - top[1]) * long_slope
-        if y < middle[1]:
-            x_short = top[0] + (y - top[1]) * upper_slope
-        else:
-            x_short = middle[0] + (y - middle[1]) * lower_slope
+        upper, lower = top[0] + (y - top[1]) * upper_slope, middle[0] + (y - middle[1]) * lower_slope
+        x_short = upper if y < middle[1] else lower
         first = clamp_index(np.ceil(min(x_long, x_short) - 0.5), 0, width)
         last = clamp_index(np.floor(max(x_long, x_short) - 0.5), -1, width - 1)
-        w = plane[0] + first * plane[1] + row * plane[2]
-        for column in range(first, last + 1):
-            w32 = np.float32(w)
-            if w32 > inverse_depth[row, column]:
-                inverse_depth[row, column] = w32
-                triangle[row, column] = t
-            w += plane[1]
+        fill_span(row, first, last, plane, t, inverse_depth, triangle)
 
 
 @kernel
-def slope(upper: Point, lower: Point) -> float:
+def fill_span(
+    row: int, first: int, last: int, plane: Point, t: int, inverse_depth: Array, triangle: Array
+) -> None:
+    """Columns first .. last of a row, with depth test."""
+    w_row = plane[0] + row * plane[2]
+    start = row * inverse_depth.shape[1]
+    column = first
+    # `LANES` at once while there are so many before the image's end; if none is left, no lane is inside
+    while start + column + LANES <= inverse_depth.size:
+        draw_lanes(inverse_depth, triangle, start + column, column, last + 1 - column, w_row, plane[1], t)
+        column += LANES
+        if column > last:
+            return
+    for i in range(column, last + 1):
+        w = np.float32(w_row + i * plane[1])
+        if w > inverse_depth[row, i]:
+            inverse_depth[row, i] = w
+            triangle[row, i] = t
+
+
+@kernel
+def slope(upper: Pixel, lower: Pixel) -> float:
     """Change of x per row along an edge; 0 for a level edge, which is never followed."""
     drop = lower[1] - upper[1]
     return (lower[0] - upper[0]) / drop if drop > 0.0 else 0.0

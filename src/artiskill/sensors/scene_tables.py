@@ -36,7 +36,7 @@ class SceneTables(NamedTuple):
         flat: (F,) bool whether the three corners have one normal.
         corner_uvs: (F, 3, 2) float32.
         materials: (G, 4) float64, as in `TriangleSoup`.
-        textures: (G, 3) int64, as in `TriangleSoup`.
+        textures: (G, M, 3) int64, as in `TriangleSoup`.
         texels: (T, 3) uint8, as in `TriangleSoup`.
     """
 

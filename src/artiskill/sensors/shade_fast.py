@@ -9,15 +9,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from artiskill.geometry.kernel import Array, Point, kernel
-from artiskill.sensors.lighting import Lights, cross3, dot3, encoded, irradiance, tone_mapped, unit3
-from artiskill.sensors.rasterise import FLOOR, NOTHING
+from artiskill.geometry.kernel import Array, Point, inlined_kernel, kernel
+from artiskill.sensors.lighting import Lights, View, cross3, dot3, encoded, irradiance, tone_mapped, unit3
+from artiskill.sensors.paint import (
+    CONSTANT,
+    LINEAR,
+    SEEN,
+    TEXTURED,
+    UNSEEN,
+    paint_rows,
+    paint_runs,
+    paint_textures,
+)
+from artiskill.sensors.point_lights import light_floor, point_irradiance
 from artiskill.sensors.scan_conversion import point
 from artiskill.sensors.scene_tables import SceneTables
-from artiskill.sensors.texture import texel_row
+from artiskill.sensors.texture import mip_level
 
-# what is known of a face in the present view
-_UNSEEN, _SEEN, _CONSTANT, _LINEAR, _TEXTURED = 0, 1, 2, 3, 4
 # a face that covers less than this many pixels gets one corner's colour; in a fine mesh the others' hardly differ
 _SMALL_PX = 4.0
 
@@ -34,6 +42,7 @@ class ShadeScratch(NamedTuple):
         point_view: (2, S) int64 the view for which a lit point's colour is known, for its front and its back.
         point_colours: (2, S, 3) float32 display colours [0, 255].
         views: (1,) int64 how many views were drawn.
+        runs: (H * W, 2) int32 runs of textured pixels: number of the first in the image, and how many.
     """
 
     seen: Array
@@ -42,9 +51,10 @@ class ShadeScratch(NamedTuple):
     point_view: Array
     point_colours: Array
     views: Array
+    runs: Array
 
 
-def allocate_shade_scratch(faces: int, points: int) -> ShadeScratch:
+def allocate_shade_scratch(faces: int, points: int, pixels: int) -> ShadeScratch:
     """Scratch for a scene; memory that is never touched is never used."""
     return ShadeScratch(
         np.empty(faces, dtype=np.int32),
@@ -53,6 +63,7 @@ def allocate_shade_scratch(faces: int, points: int) -> ShadeScratch:
         np.zeros((2, points), dtype=np.int64),
         np.empty((2, points, 3), dtype=np.float32),
         np.zeros(1, dtype=np.int64),
+        np.empty((pixels, 2), dtype=np.int32),
     )
 
 
@@ -60,11 +71,11 @@ def allocate_shade_scratch(faces: int, points: int) -> ShadeScratch:
 def shade_fast(
     scene: SceneTables,
     rotations: Array,
-    lens: Array,
+    view: View,
     light: Lights,
     plain: Array,
     camera: Array,
-    inverse_depth: Array,
+    depth: Array,
     triangle: Array,
     scratch: ShadeScratch,
     rgb: Array,
@@ -74,22 +85,27 @@ def shade_fast(
     Args:
         scene: what was drawn.
         rotations: (N + 1, 3, 3) of the world and all bodies.
-        lens: (5,) of the camera.
+        view: the camera.
         light: lights and the display table.
         plain: (2, W, 3) uint8 a row of background and a row of floor.
         camera: (V, 3) vertices in the camera's frame: right, up, depth.
-        inverse_depth: (H, W) float32.
+        depth: (H, W) float32 metres.
         triangle: (H, W) int32.
         scratch: of the thread.
         rgb: (H, W, 3) uint8, written.
     """
     count = list_seen_faces(triangle, scratch.face_state, scratch.seen)
-    set_up_faces(count, scene, rotations, lens, light, camera, scratch)
+    set_up_faces(count, scene, rotations, view, light, camera, scratch)
     states, planes = scratch.face_state, scratch.face_planes
     textures = scene.face_geom, scene.textures, scene.texels
-    colour_pixels(lens, plain, inverse_depth, triangle, states, planes, *textures, rgb)
+    rows, textured = paint_runs(view.lens, plain, depth, triangle, states, planes, scratch.runs, rgb)
+    if textured > 0:
+        paint_textures(scratch.runs[:textured], view.lens, depth, triangle, states, planes, *textures, rgb)
+    paint_rows(rows, view.lens, plain, depth, triangle, states, planes, *textures, rgb)
+    if light.lamps.shape[0] > 0:
+        light_floor(view, light, triangle, rgb)
     for i in range(count):
-        states[scratch.seen[i]] = _UNSEEN
+        states[scratch.seen[i]] = UNSEEN
 
 
 @kernel
@@ -99,8 +115,8 @@ def list_seen_faces(triangle: Array, face_state: Array, seen: Array) -> int:
     for row in range(triangle.shape[0]):
         for column in range(triangle.shape[1]):
             t = triangle[row, column]
-            if t >= 0 and face_state[t] == _UNSEEN:
-                face_state[t] = _SEEN
+            if t >= 0 and face_state[t] == UNSEEN:
+                face_state[t] = SEEN
                 seen[count] = t
                 count += 1
     return count
@@ -111,7 +127,7 @@ def set_up_faces(
     count: int,
     scene: SceneTables,
     rotations: Array,
-    lens: Array,
+    view: View,
     light: Lights,
     camera: Array,
     scratch: ShadeScratch,
@@ -128,7 +144,7 @@ def set_up_faces(
     normals, geoms, bodies = scene.point_normals, scene.face_geom, scene.geom_body
     materials, textures = scene.materials, scene.textures
     views[0] += 1
-    square_px = 0.5 * lens[0] * lens[0]
+    square_px, has_lamps = 0.5 * view.lens[0] * view.lens[0], light.lamps.shape[0] > 0
     for j in range(count):
         t = seen[j]
         geom = geoms[t]
@@ -136,46 +152,68 @@ def set_up_faces(
         rows = (cross3(p1, p2), cross3(p2, p0), cross3(p0, p1))
         det = dot3(p0, rows[0])  # six times the volume between eye and face; negative from behind
         back = 1 if det < 0.0 else 0
-        textured = textures[geom, 1] > 0
+        textured = textures[geom, 0, 1] > 0
         # its area on the screen: |det| shrinks with the third power of the distance
-        small = abs(det) * square_px < _SMALL_PX * abs(p0[2] * p1[2] * p2[2])
-        needed = 1 if (flat[t] or small) and not textured else 3
+        area_px, cube = abs(det) * square_px, abs(p0[2] * p1[2] * p2[2])
+        plain = (flat[t] and not has_lamps) or area_px < _SMALL_PX * cube
+        needed = 1 if plain and not textured else 3
         for i in range(needed):
             s = corners[t, i]
             if point_view[back, s] != views[0]:
                 point_view[back, s] = views[0]
-                light_point(s, back, geom, bodies[geom] + 1, normals, rotations, materials, light, colours)
+                place = in_world(point(camera, faces[t, i]), view) if has_lamps else (0.0, 0.0, 0.0)
+                light_point(s, back, geom, bodies[geom] + 1, place, normals, rotations, materials, light, colours)
         if needed == 1:
-            state[t] = _CONSTANT
+            state[t] = CONSTANT
             for i in range(3):
+                planes[t, i, 0], planes[t, i, 1] = 0.0, 0.0
                 planes[t, i, 2] = colours[back, corners[t, 0], i]
         else:
-            state[t] = _TEXTURED if textured else _LINEAR
+            state[t] = TEXTURED + mip_level(textures[geom], uvs[t], area_px, cube) if textured else LINEAR
             used = (corners[t, 0], corners[t, 1], corners[t, 2])
             write_planes(t, back, used, rows, det, colours, uvs, planes)
 
 
-@kernel
+@inlined_kernel
 def light_point(
     s: int,
     back: int,
     geom: int,
     pose: int,
+    place: Point,
     normals: Array,
     rotations: Array,
     materials: Array,
     light: Lights,
     colours: Array,
 ) -> None:
-    """Write the display colour of lit point s without its texture; arrays as in `SceneTables`, `ShadeScratch`."""
+    """Write the display colour of lit point s without its texture; arrays as in `SceneTables`, `ShadeScratch`.
+
+    `place` in the world matters to lamps only.
+    """
     normal = (np.float64(normals[s, 0]), np.float64(normals[s, 1]), np.float64(normals[s, 2]))
-    received = irradiance(turned_normal(rotations, pose, normal, 1.0 - 2.0 * back), 1.0, 1.0, light)
+    turned = turned_normal(rotations, pose, normal, 1.0 - 2.0 * back)
+    received = irradiance(turned, 1.0, 1.0, light)
+    if light.lamps.shape[0] > 0:
+        added = point_irradiance(place, turned, light)
+        received = (received[0] + added[0], received[1] + added[1], received[2] + added[2])
     for k in range(3):
         value = encoded(tone_mapped(received[k] * materials[geom, k]), light.encode)
         colours[back, s, k] = np.float32(value)
 
 
-@kernel
+@inlined_kernel
+def in_world(p: Point, view: View) -> Point:
+    """Right, up and depth in the camera's frame to the world."""
+    e, r = view.position, view.rotation
+    return (
+        e[0] + r[0, 0] * p[0] + r[0, 1] * p[1] - r[0, 2] * p[2],
+        e[1] + r[1, 0] * p[0] + r[1, 1] * p[1] - r[1, 2] * p[2],
+        e[2] + r[2, 0] * p[0] + r[2, 1] * p[1] - r[2, 2] * p[2],
+    )
+
+
+@inlined_kernel
 def write_planes(
     t: int,
     back: int,
@@ -195,74 +233,6 @@ def write_planes(
             planes[t, i, k] = np.float32(f0 * a + f1 * b + f2 * c)
         for i in range(2):
             planes[t, 3 + i, k] = np.float32(f0 * uvs[t, 0, i] + f1 * uvs[t, 1, i] + f2 * uvs[t, 2, i])
-
-
-@kernel
-def colour_pixels(
-    lens: Array,
-    plain: Array,
-    inverse_depth: Array,
-    triangle: Array,
-    face_state: Array,
-    planes: Array,
-    face_geom: Array,
-    textures: Array,
-    texels: Array,
-    rgb: Array,
-) -> None:
-    """Colour all pixels from the faces' functions; arguments as in `shade_fast`, `ShadeScratch`, `SceneTables`."""
-    per_px = np.float32(1.0 / lens[0])
-    centre_x, centre_y = np.float32(lens[1] - 0.5), np.float32(lens[2] - 0.5)
-    floor, nothing = plain[1].reshape(-1), (plain[0, 0, 0], plain[0, 0, 1], plain[0, 0, 2])
-    for row in range(triangle.shape[0]):
-        y = (centre_y - np.float32(row)) * per_px
-        copy_bytes(floor, rgb[row].reshape(-1))  # most of it stays
-        for column in range(triangle.shape[1]):
-            t = triangle[row, column]
-            if t == FLOOR:
-                continue
-            if t == NOTHING:
-                rgb[row, column, 0], rgb[row, column, 1], rgb[row, column, 2] = nothing
-                continue
-            if face_state[t] == _CONSTANT:
-                for k in range(3):
-                    rgb[row, column, k] = byte(planes[t, k, 2])
-                continue
-            x = (np.float32(column) - centre_x) * per_px
-            z = np.float32(1.0) / inverse_depth[row, column]
-            texel = -1
-            if face_state[t] == _TEXTURED:
-                u, v = z * linear(planes, t, 3, x, y), z * linear(planes, t, 4, x, y)
-                geom = face_geom[t]
-                texel = texel_row(textures[geom, 0], textures[geom, 1], textures[geom, 2], u, v)
-            for k in range(3):
-                value = z * linear(planes, t, k, x, y)
-                rgb[row, column, k] = byte(value if texel < 0 else value * tint(texels[texel, k]))
-
-
-@kernel
-def tint(texel: np.integer) -> np.floating:
-    """A texel's byte to the factor [0, 1] on the display colour."""
-    return np.float32(texel) * np.float32(1.0 / 255.0)
-
-
-@kernel
-def copy_bytes(source: Array, target: Array) -> None:
-    """A flat loop, which the compiler turns into vector instructions; an array assignment checks for overlap."""
-    for i in range(target.shape[0]):
-        target[i] = source[i]
-
-
-@kernel
-def byte(value: np.floating) -> np.integer:
-    """A colour to the display's 0 .. 255."""
-    return np.uint8(min(max(value, np.float32(0.0)), np.float32(255.0)))
-
-
-@kernel
-def linear(planes: Array, t: int, k: int, x: np.floating, y: np.floating) -> np.floating:
-    """Function k of face t, linear over the screen."""
-    return planes[t, k, 0] * x + planes[t, k, 1] * y + planes[t, k, 2]
 
 
 @kernel

@@ -6,6 +6,7 @@ import numpy as np
 
 from artiskill.geometry.kernel import Array, kernel
 from artiskill.sensors.lighting import Lights, Surfaces, View, irradiance, specular, tone_mapped, unit3
+from artiskill.sensors.point_lights import point_irradiance
 from artiskill.sensors.render_config import RenderConfig
 from artiskill.sensors.samples import Samples, accumulate_pixels, allocate_samples, collect_samples
 from artiskill.sensors.shadow import ShadowMap, ShadowPass, add_visibility
@@ -111,6 +112,10 @@ def illuminate(
         normal = (np.float64(normal_w[i, 0]), np.float64(normal_w[i, 1]), np.float64(normal_w[i, 2]))
         ambient = 1.0 - occlusion * (1.0 - skylit[i])
         received = irradiance(normal, np.float64(sunlit[i]), ambient, light)
+        if light.lamps.shape[0] > 0:
+            place = (np.float64(place_w[i, 0]), np.float64(place_w[i, 1]), np.float64(place_w[i, 2]))
+            added = point_irradiance(place, normal, light)
+            received = (received[0] + added[0], received[1] + added[1], received[2] + added[2])
         shine = 0.0
         if shininess[i] > 0.0:
             to_eye = unit3((position[0] - place_w[i, 0], position[1] - place_w[i, 1], position[2] - place_w[i, 2]))

@@ -5,7 +5,7 @@ import numpy as np
 from artiskill.geometry.kernel import Array, Point, kernel
 from artiskill.sensors.lighting import Surfaces, View, cross3, dot3
 from artiskill.sensors.shade_fast import turned_normal
-from artiskill.sensors.texture import bilinear
+from artiskill.sensors.texture import texel_area, trilinear
 
 
 @kernel
@@ -58,9 +58,19 @@ def surface_attributes(
         normal = turned_normal(surface.rotations, surface.face_body[t] + 1, mixed, side)
         geom = surface.face_geom[t]
         u, v = b0 * uv[0, 0] + b1 * uv[1, 0] + b2 * uv[2, 0], b0 * uv[0, 1] + b1 * uv[1, 1] + b2 * uv[2, 1]
-        texel = bilinear(surface.textures[geom], surface.texels, u, v, decode)
+        p = (
+            b0 * p0[0] + b1 * p1[0] + b2 * p2[0],
+            b0 * p0[1] + b1 * p1[1] + b2 * p2[1],
+            b0 * p0[2] + b1 * p1[2] + b2 * p2[2],
+        )
+        images = surface.textures[geom]
+        # a face's area on the screen shrinks with the third power of the distance, see `set_up_faces`
+        depth = -(view.rotation[0, 2] * p[0] + view.rotation[1, 2] * p[1] + view.rotation[2, 2] * p[2])
+        area_px = 0.5 * view.lens[0] * view.lens[0] * abs(det)
+        texels_per_px = texel_area(images, uv) * depth * depth * depth / area_px
+        texel = trilinear(images, surface.texels, u, v, texels_per_px, decode)
         for k in range(3):
-            place_w[i, k] = np.float32(b0 * p0[k] + b1 * p1[k] + b2 * p2[k] + view.position[k])
+            place_w[i, k] = np.float32(p[k] + view.position[k])
             normal_w[i, k] = np.float32(normal[k])
             colour[i, k] = np.float32(surface.materials[geom, k] * texel[k])
         shininess[i] = np.float32(surface.materials[geom, 3])

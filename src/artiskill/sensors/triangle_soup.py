@@ -1,15 +1,15 @@
 """`TriangleSoup`: all surfaces of a scene as flat arrays in their bodies' frames, built once."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from PIL import Image
 
 from artiskill.assets.articulated_object import VisualMesh
 from artiskill.errors import AssetError
+from artiskill.sensors.mipmaps import pack_textures
 from artiskill.sensors.normals import corner_normals, is_closed
+from artiskill.sensors.twins import have_opposite_twins
 
 WORLD_FIXED = -1
 
@@ -37,12 +37,14 @@ class TriangleSoup:
         faces: (F, 3) int32 vertices, counter-clockwise seen from outside.
         face_geom: (F,) int32 index of the visual.
         face_body: (F,) int32 index of the body, -1 where fixed to the world.
-        face_two_sided: (F,) bool, whether its back may be seen: its mesh is no closed, outward-looking surface.
+        face_two_sided: (F,) bool, whether its back may be seen: its mesh is no closed, outward-looking surface,
+            and no other face lies there that shows the other side.
         corner_normals: (F, 3, 3) float32 unit normals in the body's frame.
         corner_uvs: (F, 3, 2) float32 texture coordinates, v upwards; zero where there are none.
         materials: (G, 4) float64 linear red, green, blue and the shininess, all in [0, 1].
-        textures: (G, 3) int64 first texel, height and width of the visual's texture; height 0 means none.
-        texels: (T, 3) uint8 sRGB, all textures row by row, the top row first.
+        textures: (G, M, 3) int64 first texel, height and width of the M versions of the visual's texture, the
+            largest first; height 0 means none.
+        texels: (T, 3) uint8 sRGB, all versions row by row, the top row first.
         geom_vertices: (G + 1,) int64 first vertex of each visual, and V.
         geom_faces: (G + 1,) int64 first face of each visual, and F.
         geom_body: (G,) int32 index of the body, -1 where fixed to the world.
@@ -93,14 +95,18 @@ def build_triangle_soup(
     offsets = np.cumsum([0, *vertex_counts])
     part_names = tuple(sorted({item.visual.part for item in visuals}))
     face_geom = np.repeat(np.arange(len(meshes), dtype=np.int32), face_counts)
-    textures, texels = _pack_textures(visuals, max_texture_px)
+    textures, texels = pack_textures([item.visual for item in visuals], max_texture_px)
+    vertices = _stack([m.vertices for m in meshes], (0, 3), np.float64)
+    vertex_pose = np.repeat(bodies + 1, vertex_counts).astype(np.int32)
+    faces = _stack([m.faces + o for m, o in zip(meshes, offsets[:-1], strict=True)], (0, 3), np.int32)
+    is_open = np.repeat(np.array([not is_closed(m) for m in meshes], dtype=np.bool_), face_counts)
     return TriangleSoup(
-        vertices=_stack([m.vertices for m in meshes], (0, 3), np.float64),
-        vertex_pose=np.repeat(bodies + 1, vertex_counts).astype(np.int32),
-        faces=_stack([m.faces + o for m, o in zip(meshes, offsets[:-1], strict=True)], (0, 3), np.int32),
+        vertices=vertices,
+        vertex_pose=vertex_pose,
+        faces=faces,
         face_geom=face_geom,
         face_body=bodies[face_geom].astype(np.int32),
-        face_two_sided=np.repeat(np.array([not is_closed(m) for m in meshes], dtype=np.bool_), face_counts),
+        face_two_sided=is_open & ~have_opposite_twins(vertices, vertex_pose, faces),
         corner_normals=_stack([corner_normals(m, crease_angle_rad) for m in meshes], (0, 3, 3), np.float32),
         corner_uvs=_stack([_corner_uvs(item.visual) for item in visuals], (0, 3, 2), np.float32),
         materials=_stack(
@@ -139,38 +145,6 @@ def _check_visual(geom: int, item: BodyVisual) -> None:
 
 def _is_image(texture: np.ndarray) -> bool:
     return texture.ndim == 3 and texture.shape[2] == 3 and texture.dtype == np.uint8 and texture.size > 0
-
-
-def _is_textured(visual: VisualMesh) -> bool:
-    return visual.material.texture is not None and visual.mesh.uvs is not None
-
-
-def _pack_textures(visuals: Sequence[BodyVisual], max_px: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rows (first texel, height, width) per visual and all texels; who shares an image shares its texels."""
-    rows = np.zeros((len(visuals), 3), dtype=np.int64)
-    packed: dict[int, tuple[int, int, int]] = {}
-    texels: list[np.ndarray] = []
-    used = 0
-    for geom, item in enumerate(visuals):
-        texture = item.visual.material.texture
-        if texture is None or not _is_textured(item.visual):
-            continue
-        if id(texture) not in packed:
-            image = _shrunk(texture, max_px)
-            packed[id(texture)] = (used, image.shape[0], image.shape[1])
-            texels.append(image.reshape(-1, 3))
-            used += len(texels[-1])
-        rows[geom] = packed[id(texture)]
-    return rows, _stack(texels, (0, 3), np.uint8)
-
-
-def _shrunk(texture: np.ndarray, max_px: int) -> np.ndarray:
-    height, width = texture.shape[:2]
-    if max(height, width) <= max_px:
-        return texture
-    scale = max_px / max(height, width)
-    size = max(1, math.floor(width * scale)), max(1, math.floor(height * scale))
-    return np.asarray(Image.fromarray(texture).resize(size, Image.Resampling.BOX))
 
 
 def _corner_uvs(visual: VisualMesh) -> np.ndarray:
