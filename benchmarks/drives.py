@@ -329,7 +329,7 @@ def grip(config: RobotConfig, variant: Variant, bar: tuple[str, float] | None) -
     controller = Controller(variant, model.nu)
     targets = np.zeros(model.nu)
     targets[11:] = 0.0 if variant.finger_reach_m is None else -variant.finger_reach_m
-    closing_s, force_n, pull = math.nan, 0.0, index.object_joints.start
+    closing_s, force_n, pull = math.nan, 0.0, index.object_qpos.start
     before = 0.0
     for step in range(400):
         data.ctrl[fingers] = controller(targets, data.qpos)[11:]

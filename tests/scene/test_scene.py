@@ -19,7 +19,7 @@ ROBOT = load_robot("one_arm")
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    return build_scene(ROBOT, load_object("cabinet-0014"), PhysicsConfig())
+    return build_scene(ROBOT, load_object("cabinet-0003"), PhysicsConfig())
 
 
 def collide(model: mujoco.MjModel, first: str, second: str) -> bool:
@@ -59,7 +59,7 @@ def test_contact_recipe(scene: Scene) -> None:
 def test_joints_keep_their_limits_and_axes(scene: Scene) -> None:
     model, obj = scene.model, scene.object
     joints = [link.joint for link in obj.links if link.joint is not None]
-    indices = range(*scene.index.object_joints.indices(model.njnt))
+    indices = range(*scene.index.object_qpos.indices(model.njnt))
     assert len(joints) == len(indices)
     for joint, i in zip(joints, indices, strict=True):
         np.testing.assert_allclose(model.jnt_range[i], joint.limits)
@@ -92,7 +92,7 @@ def test_everything_drawn_belongs_to_a_body(scene: Scene) -> None:
 
 
 def test_scenes_are_remembered_and_never_changed() -> None:
-    obj, physics = load_object("cabinet-0014"), PhysicsConfig()
+    obj, physics = load_object("cabinet-0003"), PhysicsConfig()
     assert cached_scene(ROBOT, obj, physics) is cached_scene(ROBOT, obj, physics)
     other = from_mapping(PhysicsConfig, {"timestep_s": 0.001, "physics_steps_per_control": 10})
     assert cached_scene(ROBOT, obj, other) is not cached_scene(ROBOT, obj, physics)
@@ -101,7 +101,7 @@ def test_scenes_are_remembered_and_never_changed() -> None:
 
 def test_equal_layouts_for_equal_objects_only() -> None:
     physics = PhysicsConfig()
-    first = build_scene(ROBOT, load_object("cabinet-0014"), physics)
+    first = build_scene(ROBOT, load_object("cabinet-0003"), physics)
     assert copy.copy(first).layout == first.layout
     assert build_scene(ROBOT, load_object("cabinet-0001"), physics).layout != first.layout
 

@@ -52,11 +52,11 @@ def test_every_environment_has_its_own_joint_parameters(scene: Scene) -> None:
     moving = {"object_qpos": np.full(joints, 0.1)}
     weak, strong = (start(scene, 0, joint_damping=np.full(joints, d), **moving) for d in (5.0, 20.0))
     simulation.reset([weak, strong])
-    simulation._qvel[:, scene.index.object_joints] = 0.3
+    simulation._qvel[:, scene.index.object_dof] = 0.3
     simulation.step(np.zeros((2, 13)))
     speed = simulation.snapshot().object_qvel
     assert (speed[0] > speed[1] + 1e-3).all()
-    assert (scene.model.dof_damping[scene.index.object_joints] == 0).all(), "the scene's model stays as it was"
+    assert (scene.model.dof_damping[scene.index.object_dof] == 0).all(), "the scene's model stays as it was"
 
 
 def test_resetting_some_leaves_the_others(scene: Scene) -> None:
@@ -89,7 +89,7 @@ def test_the_previous_pose_is_one_step_old(scene: Scene) -> None:
     simulation.reset([start(scene, 0, object_qpos=np.full(joints, 0.1))])
     first = simulation.snapshot()
     np.testing.assert_array_equal(first.previous_link_position_w, first.link_position_w)
-    simulation._qvel[:, scene.index.object_joints] = 0.5
+    simulation._qvel[:, scene.index.object_dof] = 0.5
     simulation.step(np.zeros((1, 13)))
     second = simulation.snapshot()
     np.testing.assert_array_equal(second.previous_link_position_w, first.link_position_w)
@@ -104,7 +104,7 @@ def test_settling_moves_time_back_to_zero(scene: Scene) -> None:
 
 
 def test_states_of_other_scenes_are_refused(scene: Scene) -> None:
-    other = Simulation(build_scene(TASK.robot, load_object("cabinet-0014"), TASK.physics))
+    other = Simulation(build_scene(TASK.robot, load_object("cabinet-0003"), TASK.physics))
     simulation = Simulation(scene)
     with pytest.raises(StateError, match="another object"):
         simulation.restore(other.save())

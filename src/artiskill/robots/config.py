@@ -85,12 +85,25 @@ class DriveConfig:
 
 @dataclass(frozen=True)
 class ActionConfig:
-    """What an action of +1 means; fingers map [-1, 1] to their range."""
+    """What an action of +1 means; fingers map [-1, 1] to their range.
+
+    Attributes:
+        base_velocity_m_s: of the base along its own x and y.
+        yaw_rate_rad_s: of the base.
+        lift_velocity_m_s: of the lift.
+        arm_velocity_rad_s: of an arm's joint.
+        hand_velocity_m_s: of a hand along its own axes, in operational space.
+        hand_rate_rad_s: of a hand about its own axes, in operational space.
+        null_rate_rad_s: of an arm's joints, as a vector, along the motion that leaves the hand in place.
+    """
 
     base_velocity_m_s: float
     yaw_rate_rad_s: float
     lift_velocity_m_s: float
     arm_velocity_rad_s: float
+    hand_velocity_m_s: float
+    hand_rate_rad_s: float
+    null_rate_rad_s: float
 
     def __post_init__(self) -> None:
         check_positive(self, *(f.name for f in fields(self)))

@@ -13,37 +13,48 @@ from artiskill.scene.physics import PhysicsConfig
 
 _MIN_MASS_KG = 0.05  # of a moving link whose collision shapes are too small to weigh anything
 OBJECT_PREFIX = "object/"
+ROOT_JOINT = OBJECT_PREFIX + "root"
+WHEEL_PART = "wheel"
+# objects that stand on the ground and are free to move; the others are fixed to the world
+FREE_CATEGORIES = ("chair", "bucket")
 
 
 @dataclass(frozen=True)
 class ObjectPart:
-    """Names of what was added, in the object's own order."""
+    """Names of what was added, in the object's own order; `root` is the free joint, where there is one."""
 
     bodies: tuple[str, ...]
     joints: tuple[str, ...]
+    root: tuple[str, ...] = ()
 
 
 def add_object(spec: Any, obj: ArticulatedObject, physics: PhysicsConfig) -> ObjectPart:
-    """Add the object, fixed to the world at its origin.
+    """Add the object: at the world's origin, fixed there or free, whichever its category calls for.
 
     Links of one object do not collide with one another: generated ones never touch within their limits, and
     overlapping hulls of imported ones would jam them. The joints' limits keep doors and drawers in place.
     """
     bodies: list[Any] = []
     joints: list[str] = []
+    free = obj.category in FREE_CATEGORIES
+    touches = Group.ROBOT | Group.LOOSE | (Group.GROUND if free else 0)
     for link in obj.links:
         parent = spec.worldbody if link.parent < 0 else bodies[link.parent]
         body = parent.add_body(name=OBJECT_PREFIX + link.name, pos=link.position, quat=link.quaternion)
+        if link.parent < 0 and free:
+            body.add_freejoint(name=ROOT_JOINT)
         if link.joint is not None:
             joints.append(_add_joint(body, link))
         for i, shape in enumerate(link.collisions):
             geom = _add_collision(spec, body, f"{body.name}_shape{i}", shape)
             geom.density = link.density_kg_m3
-            set_contact(geom, Group.OBJECT, Group.ROBOT | Group.LOOSE, physics.contact.object_friction, physics)
+            contact = physics.contact
+            friction = contact.wheel_friction if shape.part == WHEEL_PART else contact.object_friction
+            set_contact(geom, Group.OBJECT, touches, friction, physics)
         if link.joint is not None and not link.collisions:
             body.explicitinertial, body.mass, body.inertia = True, _MIN_MASS_KG, (1e-4, 1e-4, 1e-4)
         bodies.append(body)
-    return ObjectPart(tuple(b.name for b in bodies), tuple(joints))
+    return ObjectPart(tuple(b.name for b in bodies), tuple(joints), (ROOT_JOINT,) if free else ())
 
 
 def _add_joint(body: Any, link: Link) -> str:
@@ -57,6 +68,7 @@ def _add_joint(body: Any, link: Link) -> str:
     added.limited = mujoco.mjtLimited.mjLIMITED_TRUE if limited else mujoco.mjtLimited.mjLIMITED_FALSE
     if limited:
         added.range = joint.limits
+    added.stiffness[0], added.springref = joint.stiffness, joint.spring_reference
     return added.name
 
 

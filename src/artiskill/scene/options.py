@@ -17,6 +17,7 @@ class Group(IntFlag):
     GROUND = 4
     LOOSE = 8  # free bodies of a task, such as a ball
     TRUNK = 16  # the robot's own torso, column and platform, for its forearms and hands
+    FIRST_ARM = 32  # forearm, hand and fingers of the first arm, for those of the second
 
 
 def set_options(spec: Any, physics: PhysicsConfig) -> None:

@@ -13,6 +13,7 @@ class ContactConfig:
     Attributes:
         finger_friction: sliding friction of everything that a finger touches; fingers have priority.
         object_friction: sliding friction of the object.
+        wheel_friction: sliding friction of the object's wheels, the shapes whose part is `wheel`.
         ground_friction: sliding friction of the ground and of the robot's other parts.
         impratio: ratio of frictional to normal constraint impedance; high values hinder slip.
         time_constant_steps: the constraints' time constant in physics steps (at least 2 is stable).
@@ -21,13 +22,14 @@ class ContactConfig:
 
     finger_friction: float = 2.0
     object_friction: float = 1.0
+    wheel_friction: float = 1.0
     ground_friction: float = 1.0
     impratio: float = 10.0
     time_constant_steps: float = 2.0
     impedance: tuple[float, ...] = (0.95, 0.99, 0.001, 0.5, 2.0)
 
     def __post_init__(self) -> None:
-        check_not_negative(self, "finger_friction", "object_friction", "ground_friction")
+        check_not_negative(self, "finger_friction", "object_friction", "wheel_friction", "ground_friction")
         check_positive(self, "impratio")
         check_value(
             self,

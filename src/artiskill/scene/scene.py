@@ -1,10 +1,12 @@
-"""`Scene`: a compiled model of robot, object and ground, with every name resolved once."""
+"""`Scene`: a compiled model of robot, object, props and ground, with every name resolved once."""
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, VisualMesh
 from artiskill.robots.config import RobotConfig
@@ -13,6 +15,7 @@ from artiskill.robots.visuals import robot_visuals
 from artiskill.scene.object_model import ObjectPart, add_object
 from artiskill.scene.options import Group, set_contact, set_joint_limits_solver, set_options
 from artiskill.scene.physics import PhysicsConfig
+from artiskill.scene.props import Prop, add_props
 
 
 @dataclass(frozen=True)
@@ -33,8 +36,13 @@ class SceneIndex:
 
     Attributes:
         robot: the R robot joints, in qpos, qvel and joint arrays alike (all have one degree of freedom).
-        object_joints: the J object joints, in qpos and qvel.
+        root_qpos: position and orientation of an object that is free to move, in qpos; else empty.
+        root_dof: its linear (world frame) and angular (own frame) velocity, in qvel; else empty.
+        object_qpos: the J object joints, in qpos.
+        object_dof: the J object joints, in qvel and other arrays of degrees of freedom.
         object_bodies: the L links, in body arrays, in the object's order.
+        prop_qpos: positions and orientations of the K free props, seven numbers each, in qpos.
+        prop_dof: their velocities, six numbers each, in qvel.
         finger_lines: in the sensor data, (T, 2, 3) positions of each finger line's start and tip.
         fingertip_velocities: in the sensor data, (T, 3).
         tool_positions: in the sensor data, (A, 3).
@@ -42,8 +50,13 @@ class SceneIndex:
     """
 
     robot: slice
-    object_joints: slice
+    root_qpos: slice
+    root_dof: slice
+    object_qpos: slice
+    object_dof: slice
     object_bodies: slice
+    prop_qpos: slice
+    prop_dof: slice
     finger_lines: slice
     fingertip_velocities: slice
     tool_positions: slice
@@ -60,6 +73,7 @@ class Scene:
         physics: the configuration it was built with.
         robot: names of the robot's parts.
         object: the object.
+        props: what else a task has put there.
     """
 
     model: Any
@@ -67,6 +81,7 @@ class Scene:
     physics: PhysicsConfig
     robot: RobotPart
     object: ArticulatedObject
+    props: tuple[Prop, ...] = ()
 
     @property
     def layout(self) -> Layout:
@@ -83,11 +98,14 @@ class Scene:
             drawn += [(index, visual) for visual in robot_visuals(part)]
         for index, link in enumerate(self.object.links, start=self.index.object_bodies.start):
             drawn += [(index, visual) for visual in link.visuals]
+        drawn += [(self.model.body(prop.body).id, prop.visual()) for prop in self.props]
         return tuple(drawn)
 
 
-def build_scene(robot: RobotConfig, obj: ArticulatedObject, physics: PhysicsConfig) -> Scene:
-    """Compile robot, object and ground into one model.
+def build_scene(
+    robot: RobotConfig, obj: ArticulatedObject, physics: PhysicsConfig, props: tuple[Prop, ...] = ()
+) -> Scene:
+    """Compile robot, object, props and ground into one model.
 
     The model holds collision shapes only; what is drawn is in `Scene.visuals`, for the project's own renderer.
     """
@@ -101,9 +119,10 @@ def build_scene(robot: RobotConfig, obj: ArticulatedObject, physics: PhysicsConf
     _set_robot_contacts(spec, robot_part, physics)
     sensors = _add_sensors(spec, robot_part)
     object_part = add_object(spec, obj, physics)
+    add_props(spec, props, physics)
     set_joint_limits_solver(spec.joints, physics)
     model = spec.compile()
-    return Scene(model, _resolve(model, robot_part, object_part, sensors), physics, robot_part, obj)
+    return Scene(model, _resolve(model, robot_part, object_part, sensors), physics, robot_part, obj, props)
 
 
 def _set_robot_contacts(spec: Any, robot: RobotPart, physics: PhysicsConfig) -> None:
@@ -120,6 +139,17 @@ def _set_robot_contacts(spec: Any, robot: RobotPart, physics: PhysicsConfig) -> 
             set_contact(spec.geom(name), group, collides_with, friction, physics)
     for name in robot.finger_geoms:
         spec.geom(name).priority = 1
+    _let_arms_meet(spec, robot)
+
+
+def _let_arms_meet(spec: Any, robot: RobotPart) -> None:
+    """What the second arm reaches the first arm with collides with that arm; one arm never touches itself."""
+    sides = [mount.side for mount in robot.config.mounts]
+    for name in (*robot.finger_geoms, *robot.outer_geoms):
+        if name.startswith(sides[0]):
+            spec.geom(name).contype |= int(Group.FIRST_ARM)
+        else:
+            spec.geom(name).conaffinity |= int(Group.FIRST_ARM)
 
 
 def _add_sensors(spec: Any, robot: RobotPart) -> dict[str, slice]:
@@ -147,14 +177,27 @@ def _add_sensors(spec: Any, robot: RobotPart) -> dict[str, slice]:
 
 
 def _resolve(model: Any, robot: RobotPart, obj: ObjectPart, sensors: dict[str, slice]) -> SceneIndex:
-    joints = [model.joint(name).id for name in (*robot.joints, *obj.joints)]
-    assert joints == list(range(model.njnt)), "robot joints first, then the object's, in their own order"
-    assert model.nq == model.nv == model.njnt, "every joint has one degree of freedom"
+    joints = [model.joint(name).id for name in (*robot.joints, *obj.root, *obj.joints)]
+    assert joints == list(range(len(joints))), "robot joints first, then the object's, in their own order"
     bodies = [model.body(name).id for name in obj.bodies]
     assert bodies == list(range(bodies[0], bodies[0] + len(bodies))), "object links are contiguous"
+    # qpos and degrees of freedom, one run after the other
+    runs_qpos = _runs(len(robot.joints), 7 * len(obj.root), len(obj.joints), model.nq)
+    runs_dof = _runs(len(robot.joints), 6 * len(obj.root), len(obj.joints), model.nv)
     return SceneIndex(
-        robot=slice(0, len(robot.joints)),
-        object_joints=slice(len(robot.joints), len(joints)),
+        robot=runs_qpos[0],
+        root_qpos=runs_qpos[1],
+        root_dof=runs_dof[1],
+        object_qpos=runs_qpos[2],
+        object_dof=runs_dof[2],
         object_bodies=slice(bodies[0], bodies[0] + len(bodies)),
+        prop_qpos=runs_qpos[3],
+        prop_dof=runs_dof[3],
         **sensors,
     )
+
+
+def _runs(robot: int, root: int, joints: int, total: int) -> list[slice]:
+    """Slices of the robot's, the root's, the object joints' and the props' numbers; the props have the rest."""
+    ends = np.cumsum((0, robot, root, joints, total - robot - root - joints)).tolist()
+    return [slice(start, stop) for start, stop in pairwise(ends)]

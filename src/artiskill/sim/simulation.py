@@ -35,6 +35,8 @@ class Simulation:
         self._batch.set_models(self._models)
         self._bind()
         index = scene.index
+        joints = scene.model.dof_jntid[index.object_dof]  # the object's joints in the engine's joint arrays
+        self._joints = slice(int(joints[0]), int(joints[-1]) + 1) if len(joints) else slice(0, 0)
         self._previous_position = self._xpos[:, index.object_bodies].copy()
         self._previous_quaternion = self._xquat[:, index.object_bodies].copy()
 
@@ -55,12 +57,19 @@ class Simulation:
         ids = np.arange(self.num_envs) if env_ids is None else np.asarray(env_ids)
         index = self.scene.index
         for i, state in zip(ids, initial_states, strict=True):
-            self._set_parameters(i, state.joint_friction, state.joint_damping)
+            limits = (
+                self.scene.model.jnt_range[self._joints] if state.object_limits is None else state.object_limits
+            )
+            self._set_parameters(i, state.joint_friction, state.joint_damping, limits)
         self._batch.set_models(self._models)  # again after every edit
         self._batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         for i, state in zip(ids, initial_states, strict=True):
             self._qpos[i, index.robot] = state.robot_qpos
-            self._qpos[i, index.object_joints] = state.object_qpos
+            self._qpos[i, index.object_qpos] = state.object_qpos
+            if state.root_pose_w is not None:
+                self._qpos[i, index.root_qpos] = state.root_pose_w
+            if state.prop_positions_w is not None:
+                self._qpos[i, index.prop_qpos] = _upright(state.prop_positions_w)
             self._ctrl[i] = self.rest_targets(state.robot_qpos)
             if state.settle_steps:
                 self._batch.step(np.array([i]), nstep=state.settle_steps)
@@ -104,6 +113,8 @@ class Simulation:
         position, quaternion = self._xpos.copy(), self._xquat.copy()
         rotation = self._xmat[:, index.object_bodies].copy()
         tool_axes = sensors[:, index.tool_axes].reshape(batch, -1, 3, 3)
+        rotation = rotation.reshape(batch, -1, 3, 3)
+        prop_qvel = qvel[:, index.prop_dof].reshape(batch, -1, 6)
         return Snapshot(
             time_s=self._time.copy(),
             step_s=self.scene.physics.step_s,
@@ -115,11 +126,14 @@ class Simulation:
             fingertip_velocity_w=sensors[:, index.fingertip_velocities].reshape(batch, -1, 3),
             tool_position_w=sensors[:, index.tool_positions].reshape(batch, -1, 3),
             tool_rotation_w=tool_axes.swapaxes(-1, -2),
-            object_qpos=qpos[:, index.object_joints],
-            object_qvel=qvel[:, index.object_joints],
+            object_qpos=qpos[:, index.object_qpos],
+            object_qvel=qvel[:, index.object_dof],
+            root_velocity_w=self._root_velocity(qvel[:, index.root_dof], rotation[:, 0]),
+            prop_position_w=qpos[:, index.prop_qpos].reshape(batch, -1, 7)[..., :3],
+            prop_velocity_w=prop_qvel[..., :3],
             link_position_w=position[:, index.object_bodies],
             link_quaternion_w=quaternion[:, index.object_bodies],
-            link_rotation_w=rotation.reshape(batch, -1, 3, 3),
+            link_rotation_w=rotation,
             previous_link_position_w=self._previous_position.copy(),
             previous_link_quaternion_w=self._previous_quaternion.copy(),
             body_position_w=position,
@@ -128,11 +142,12 @@ class Simulation:
 
     def save(self) -> SimulationState:
         """The state of all environments, detached from the simulation."""
-        friction, damping = self._parameters()
+        friction, damping, limits = self._parameters()
         return SimulationState(
             rows=self._batch.state.copy(),
             joint_friction=friction,
             joint_damping=damping,
+            joint_limits=limits,
             previous_link_position_w=self._previous_position.copy(),
             previous_link_quaternion_w=self._previous_quaternion.copy(),
             object_hash=self.scene.object.content_hash,
@@ -147,7 +162,7 @@ class Simulation:
         """
         self.check_state(state)
         for i in range(self.num_envs):
-            self._set_parameters(i, state.joint_friction[i], state.joint_damping[i])
+            self._set_parameters(i, state.joint_friction[i], state.joint_damping[i], state.joint_limits[i])
         self._batch.set_models(self._models)
         self._batch.state[:] = state.rows
         self._batch.forward(stage=_CURRENT)
@@ -176,12 +191,26 @@ class Simulation:
             if not np.isfinite(given).all():
                 raise StateError(f"this state's {f.name} has numbers that are not finite")
 
-    def _set_parameters(self, env: int, friction: np.ndarray, damping: np.ndarray) -> None:
-        joints = self.scene.index.object_joints
-        self._models[env].dof_frictionloss[joints] = friction
-        self._models[env].dof_damping[joints] = damping
+    def _set_parameters(self, env: int, friction: np.ndarray, damping: np.ndarray, limits: np.ndarray) -> None:
+        model, dof = self._models[env], self.scene.index.object_dof
+        model.dof_frictionloss[dof] = friction
+        model.dof_damping[dof] = damping
+        model.jnt_range[self._joints] = limits
 
-    def _parameters(self) -> tuple[np.ndarray, np.ndarray]:
-        joints = self.scene.index.object_joints
-        friction = np.stack([m.dof_frictionloss[joints] for m in self._models])
-        return friction, np.stack([m.dof_damping[joints] for m in self._models])
+    def _parameters(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        dof = self.scene.index.object_dof
+        friction = np.stack([m.dof_frictionloss[dof] for m in self._models])
+        damping = np.stack([m.dof_damping[dof] for m in self._models])
+        return friction, damping, np.stack([m.jnt_range[self._joints] for m in self._models])
+
+    def _root_velocity(self, qvel: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+        """(B, 6) world-frame velocity from that of a free joint, whose angular part is in the body's own frame."""
+        if not qvel.shape[1]:
+            return np.zeros((self.num_envs, 6))
+        qvel[:, 3:] = np.einsum("bij,bj->bi", rotation, qvel[:, 3:])
+        return qvel
+
+
+def _upright(positions: np.ndarray) -> np.ndarray:
+    """(K, 3) positions -> (7 K,) poses."""
+    return np.concatenate((positions, np.tile((1.0, 0.0, 0.0, 0.0), (len(positions), 1))), axis=1).ravel()

@@ -12,7 +12,7 @@ from artiskill.geometry.arrays import Array, clamp, namespace, norm
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """B environments; R robot joints, A arms, T = 2A fingertips, N bodies, L object links, J object joints.
+    """B environments; R robot joints, A arms, T = 2A fingertips, N bodies, L links, J object joints, K free props.
 
     World frame, SI units, quaternions (w, x, y, z). Arrays are NumPy (or torch) and must not be written to.
 
@@ -29,6 +29,9 @@ class Snapshot:
         tool_rotation_w: (B, A, 3, 3) columns: the hand's axes; z forward, the fingers close along y.
         object_qpos: (B, J).
         object_qvel: (B, J).
+        root_velocity_w: (B, 6) linear and angular velocity of the object's root; 0 where it is fixed.
+        prop_position_w: (B, K, 3) of the free props.
+        prop_velocity_w: (B, K, 3) linear.
         link_position_w: (B, L, 3) frames of the object's links.
         link_quaternion_w: (B, L, 4).
         link_rotation_w: (B, L, 3, 3) the same orientations as matrices.
@@ -50,6 +53,9 @@ class Snapshot:
     tool_rotation_w: Array
     object_qpos: Array
     object_qvel: Array
+    root_velocity_w: Array
+    prop_position_w: Array
+    prop_velocity_w: Array
     link_position_w: Array
     link_quaternion_w: Array
     link_rotation_w: Array

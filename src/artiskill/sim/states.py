@@ -16,6 +16,9 @@ class InitialState:
         object_qpos: (J,).
         joint_friction: (J,) N or N m.
         joint_damping: (J,) N s/m or N m s/rad.
+        object_limits: (J, 2) limits that the level gives the object's joints; None leaves their own.
+        root_pose_w: (7,) position and orientation of an object that is free to move, else None.
+        prop_positions_w: (K, 3) of the free props, upright; None without any.
         settle_steps: physics steps taken before the first snapshot, with drives at rest.
     """
 
@@ -23,6 +26,9 @@ class InitialState:
     object_qpos: np.ndarray
     joint_friction: np.ndarray
     joint_damping: np.ndarray
+    object_limits: np.ndarray | None = None
+    root_pose_w: np.ndarray | None = None
+    prop_positions_w: np.ndarray | None = None
     settle_steps: int = 0
 
 
@@ -34,6 +40,7 @@ class SimulationState:
         rows: (B, S) the engine's integration state (`mjSTATE_INTEGRATION`, warm start included).
         joint_friction: (B, J).
         joint_damping: (B, J).
+        joint_limits: (B, J, 2), 0 where a joint has none.
         previous_link_position_w: (B, L, 3).
         previous_link_quaternion_w: (B, L, 4).
         object_hash: `ArticulatedObject.content_hash` of its object.
@@ -43,6 +50,7 @@ class SimulationState:
     rows: np.ndarray
     joint_friction: np.ndarray
     joint_damping: np.ndarray
+    joint_limits: np.ndarray
     previous_link_position_w: np.ndarray
     previous_link_quaternion_w: np.ndarray
     object_hash: str
