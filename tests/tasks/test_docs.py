@@ -1,44 +1,61 @@
-"""The task's page says what the code does. `python tests/tasks/test_docs.py` prints the tables anew."""
+"""The tasks' pages say what the code does. `python tests/tasks/test_docs.py` prints the tables anew."""
 
+import re
 from pathlib import Path
 
 import pytest
 
-from artiskill.tasks.open_cabinet.reward import TERMS
-from artiskill.tasks.registry import make_task
+from artiskill.tasks.registry import make_task, task_names
+from artiskill.tasks.staged_reward import STAGE_TERM, Ramp
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "tasks" / "open_cabinet_drawer.md"
+PAGES = Path(__file__).resolve().parents[2] / "docs" / "tasks"
 
 
-def field_rows() -> list[str]:
+def page_of(task: str) -> Path:
+    """`OpenCabinetDrawer` -> `docs/tasks/open_cabinet_drawer.md`."""
+    return PAGES / f"{re.sub('(?<!^)(?=[A-Z])', '_', task).lower()}.md"
+
+
+def field_rows(task: str) -> list[str]:
     rows, start = ["| Numbers | What | Unit | At most |", "|---|---|---|---|"], 0
-    for field in make_task("OpenCabinetDrawer").state_fields:
+    for field in make_task(task).state_fields:
         numbers = f"{start}" if field.size == 1 else f"{start}-{start + field.size - 1}"
         rows.append(f"| {numbers} | {field.name} | {field.unit} | {field.bound:g} |")
         start += field.size
     return rows
 
 
-def term_rows() -> list[str]:
-    config = make_task("OpenCabinetDrawer").config.reward
-    rows = [
-        "| Term | Weight | start | width | low | high | Asked in | Elsewhere |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    for number, (name, term) in enumerate(TERMS.items()):
-        elsewhere = ", ".join(
-            f"{config.elsewhere[stage, number]:g} in {stage}" for stage in range(4) if stage not in term.asked_in
-        )
-        asked = ", ".join(map(str, term.asked_in)) or "none"
-        numbers = f"{term.start:g} | {term.width:g} | {term.low:g} | {term.high:g}"
-        rows.append(f"| `{name}` | {config.weights[name]:g} | {numbers} | {asked} | {elsewhere} |")
+def term_rows(task: str) -> list[str]:
+    made = make_task(task)
+    rows = ["| Term | Weight | Measure | 0 at | 1 at | Asked in |", "|---|---|---|---|---|---|"]
+    for name, ramp in made.reward_table.terms.items():
+        asked = ", ".join(str(k) for k, stage in enumerate(made.reward_table.stages) if name in stage.asks)
+        weight = made.reward_weights.get(name, 0)
+        rows.append(f"| `{name}` | {weight:g} | {ramp.measure} | {ramp.zero:g} | {ramp.one:g} | {asked} |")
+    return [*rows, f"| `{STAGE_TERM}` | {made.reward_weights[STAGE_TERM]:g} | see below | | | all |"]
+
+
+def stage_rows(task: str) -> list[str]:
+    made = make_task(task)
+    rows = ["| Stage | Bonus | Entered | Leaving |", "|---|---|---|---|"]
+    for k, (stage, bonus) in enumerate(zip(made.reward_table.stages, made.config.reward.stage_bonus, strict=True)):
+        rows.append(f"| {k} {stage.name} | {bonus:g} | {_ramps(stage.enters)} | {_ramps(stage.leaves)} |")
     return rows
 
 
-@pytest.mark.parametrize("rows", [field_rows(), term_rows()])
-def test_the_page_has_the_tables_of_the_code(rows: list[str]) -> None:
-    assert "\n".join(rows) in PAGE.read_text(encoding="utf-8")
+def _ramps(ramps: tuple[Ramp, ...]) -> str:
+    return ", ".join(f"{r.measure} {r.zero:g} .. {r.one:g}" for r in ramps)
+
+
+@pytest.mark.parametrize("task", task_names())
+def test_the_page_has_the_tables_of_the_code(task: str) -> None:
+    text = page_of(task).read_text(encoding="utf-8")
+    for rows in (field_rows(task), term_rows(task), stage_rows(task)):
+        assert "\n".join(rows) in text
+    for flag in make_task(task).flag_names:
+        assert f"| `{flag}` |" in text
 
 
 if __name__ == "__main__":
-    print("\n".join([*field_rows(), "", *term_rows()]))
+    for name in task_names():
+        print(f"# {name}", *field_rows(name), "", *term_rows(name), "", *stage_rows(name), "", sep="\n")

@@ -12,13 +12,12 @@ if TYPE_CHECKING:  # importing it would bring the engine in
 
 # name -> (file stem of its YAML, module, configuration class, assembly); imported when the task is made, because
 # importing the package registers all names and should stay light
+_CABINET = ("artiskill.tasks.open_cabinet", "OpenCabinetConfig", "make_open_cabinet")
 _TASKS = {
-    "OpenCabinetDrawer": (
-        "open_cabinet_drawer",
-        "artiskill.tasks.open_cabinet",
-        "OpenCabinetConfig",
-        "make_open_cabinet",
-    ),
+    "OpenCabinetDoor": ("open_cabinet_door", *_CABINET),
+    "OpenCabinetDrawer": ("open_cabinet_drawer", *_CABINET),
+    "PushChair": ("push_chair", "artiskill.tasks.push_chair", "PushChairConfig", "make_push_chair"),
+    "MoveBucket": ("move_bucket", "artiskill.tasks.move_bucket", "MoveBucketConfig", "make_move_bucket"),
 }
 # keys that make a task the one of this name
 _FIXED = {"name", "motion"}

@@ -10,11 +10,14 @@ from artiskill.assets.articulated_object import ArticulatedObject, Category
 from artiskill.geometry.arrays import Array
 from artiskill.robots.config import RobotConfig
 from artiskill.scene.physics import PhysicsConfig
+from artiskill.scene.props import Prop
 from artiskill.scene.scene import Scene
+from artiskill.sensors.framing import WorldCameraConfig
 from artiskill.sensors.panorama import CamerasConfig
 from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import InitialState
 from artiskill.tasks.fields import ObservationField
+from artiskill.tasks.staged_reward import StageTable
 
 Goal = Any  # each task has its own frozen dataclass, whose arrays have the batch dimension first
 Flags = dict[str, Array]
@@ -30,6 +33,7 @@ class Task:
         category: of its objects.
         robot: who acts.
         physics: how it is simulated.
+        props: what stands or lies beside robot and object.
         episode_steps: environment steps until an episode is cut off.
         hold_steps: consecutive steps that a flag must hold before it counts.
         targets: object -> legal target links (possibly none), in a fixed order.
@@ -39,9 +43,11 @@ class Task:
         flags: (snapshot, goal) -> name -> (B,) bool, each condition as it is at this instant.
         reward_terms: (snapshot, goal, flags) -> name -> (B,) unweighted terms of the dense reward.
         reward_weights: name -> weight; the dense reward is the weighted sum.
+        reward_table: the terms and stages that the reward is made of.
         observe_state: (snapshot, goal) -> (B, D) float32.
         state_fields: what the D numbers are.
         cameras: what the robot sees through.
+        world_camera: what people look through.
         mask_names: of the k masks that come with what it sees.
         masks: (scene, target) -> (k, G) bool, which of `Scene.visuals` belong to each mask.
     """
@@ -51,6 +57,7 @@ class Task:
     category: Category
     robot: RobotConfig
     physics: PhysicsConfig
+    props: tuple[Prop, ...]
     episode_steps: int
     hold_steps: int
     targets: Callable[[ArticulatedObject], tuple[str, ...]]
@@ -60,8 +67,10 @@ class Task:
     flags: Callable[[Snapshot, Goal], Flags]
     reward_terms: Callable[[Snapshot, Goal, Flags], dict[str, Array]]
     reward_weights: Mapping[str, float]
+    reward_table: StageTable
     observe_state: Callable[[Snapshot, Goal], Array]
     state_fields: tuple[ObservationField, ...]
     cameras: CamerasConfig
+    world_camera: WorldCameraConfig
     mask_names: tuple[str, ...]
     masks: Callable[[Scene, str], np.ndarray]

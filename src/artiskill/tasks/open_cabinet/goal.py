@@ -13,6 +13,8 @@ from artiskill.geometry.rotations import quat_to_matrix
 
 # A plane that every point lies inside of, far away: it pads hulls with fewer planes than their batch's largest.
 _NO_PLANE = np.array((0.0, 0.0, 0.0, -1e3))
+# What fills the fields of unequal length; None: their first entry again.
+_PADDED = {"handle_planes": _NO_PLANE, "grasp_positions": None, "grasp_rotations": None}
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +28,10 @@ class OpenGoal:
         lower: (B,) closed joint value, m or rad.
         upper: (B,) largest joint value.
         open_qpos: (B,) joint value from which it counts as open.
+        turns: (B,) whether the joint is a hinge.
         joint_axis: (B, 3) direction of opening (slides) or axis of turning (hinges).
         joint_origin: (B, 3) point on that axis.
+        link_bounds: (B, 2, 3) smallest and largest corner of what is drawn of the link, handle included.
         handle_points: (B, 3, P) surface samples, one per column.
         handle_planes: (B, F, 4) convex hull, outward normal and offset.
         grasp_positions: (B, G, 3) tool-centre points.
@@ -41,8 +45,10 @@ class OpenGoal:
     lower: Array
     upper: Array
     open_qpos: Array
+    turns: Array
     joint_axis: Array
     joint_origin: Array
+    link_bounds: Array
     handle_points: Array
     handle_planes: Array
     grasp_positions: Array
@@ -71,6 +77,7 @@ def make_open_goal(obj: ArticulatedObject, target: str, open_fraction: float) ->
     if not np.isfinite((lower, upper)).all() or upper <= lower:
         raise AssetError(f"object {obj.id!r}: joint {link.joint.name!r} has the limits ({lower}, {upper})")
     handle = handles[0]
+    drawn = np.concatenate([handle.points, *(visual.mesh.vertices for visual in link.visuals)])
     return OpenGoal(
         row=np.array([0]),
         joint=np.array([obj.jointed_links.index(link_index)]),
@@ -78,8 +85,10 @@ def make_open_goal(obj: ArticulatedObject, target: str, open_fraction: float) ->
         lower=np.array([lower]),
         upper=np.array([upper]),
         open_qpos=np.array([lower + open_fraction * (upper - lower)]),
+        turns=np.array([link.joint.kind == "revolute"]),
         joint_axis=link.joint.axis[None],
         joint_origin=link.joint.origin[None],
+        link_bounds=np.stack((drawn.min(axis=0), drawn.max(axis=0)))[None],
         handle_points=np.ascontiguousarray(handle.points.T)[None],
         handle_planes=handle.planes[None],
         grasp_positions=handle.grasp_positions[None],
@@ -89,18 +98,20 @@ def make_open_goal(obj: ArticulatedObject, target: str, open_fraction: float) ->
 
 
 def stack_goals(goals: Sequence[OpenGoal]) -> OpenGoal:
-    """One goal of B = sum of the goals' batches; hulls are padded to the largest number of planes."""
-    most = max(goal.handle_planes.shape[1] for goal in goals)
+    """One goal of B = sum of the goals' batches; hulls and grasps are padded to the largest number of them."""
+    most = {name: max(getattr(goal, name).shape[1] for goal in goals) for name in _PADDED}
     columns = {}
     for f in fields(OpenGoal):
         values = [getattr(goal, f.name) for goal in goals]
-        if f.name == "handle_planes":
-            values = [_pad_planes(v, most) for v in values]
+        if f.name in _PADDED:
+            values = [_pad(v, most[f.name], _PADDED[f.name]) for v in values]
         columns[f.name] = np.concatenate(values)
     columns["row"] = np.arange(len(columns["joint"]))
     return OpenGoal(**columns)
 
 
-def _pad_planes(planes: np.ndarray, count: int) -> np.ndarray:
-    padding = np.broadcast_to(_NO_PLANE, (len(planes), count - planes.shape[1], 4))
-    return np.concatenate((planes, padding), axis=1)
+def _pad(values: np.ndarray, count: int, padding: np.ndarray | None) -> np.ndarray:
+    """Rows (B, N, ...) filled up to `count` with `padding`, or with the first row, which then counts no less."""
+    missing = count - values.shape[1]
+    fill = values[:, :1] if padding is None else padding
+    return np.concatenate((values, np.broadcast_to(fill, (len(values), missing, *values.shape[2:]))), axis=1)

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.config import check_not_negative, check_value, check_vector
+from artiskill.config import check_not_negative, check_vector
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.states import InitialState
+from artiskill.tasks.ranges import check_ranges, polar, robot_qpos
 
 
 @dataclass(frozen=True)
@@ -36,16 +37,13 @@ class InitialStateConfig:
     def __post_init__(self) -> None:
         check_vector(self, "robot_circle_center_m", size=2)
         check_not_negative(self, "heading_noise_rad", "lift_m")
-        for name, lowest in (
-            ("robot_circle_radius_m", 0.0),
-            ("robot_circle_angle_rad", -math.inf),
-            ("joint_friction", 0.0),
-            ("joint_damping", 0.0),
-        ):
-            low, high = getattr(self, name)
-            legal = math.isfinite(low) and math.isfinite(high) and lowest <= low <= high
-            least = "" if lowest == -math.inf else f" of at least {lowest:g}"
-            check_value(self, name, legal, f"must be a range [low, high]{least}")
+        check_ranges(
+            self,
+            robot_circle_radius_m=0.0,
+            robot_circle_angle_rad=-math.inf,
+            joint_friction=0.0,
+            joint_damping=0.0,
+        )
 
 
 def sample_initial_state(
@@ -55,14 +53,11 @@ def sample_initial_state(
     radius = rng.uniform(*config.robot_circle_radius_m)
     angle = rng.uniform(*config.robot_circle_angle_rad)
     noise = rng.uniform(-config.heading_noise_rad, config.heading_noise_rad)
-    center = np.asarray(config.robot_circle_center_m)
-    base = center + radius * np.array((math.cos(angle), math.sin(angle)))
-    heading = math.remainder(angle + math.pi + noise, 2 * math.pi)
+    base = np.asarray(config.robot_circle_center_m) + polar(radius, angle)
     joints = [link.joint for link in obj.links if link.joint is not None]
-    arm = (*robot.initial.arm_qpos_rad, robot.initial.finger_qpos_m, robot.initial.finger_qpos_m)
     return InitialState(
-        robot_qpos=np.array((*base, heading, config.lift_m, *(arm * len(robot.mounts)))),
-        object_qpos=np.array([j.limits[0] if math.isfinite(j.limits[0]) else 0.0 for j in joints]),
+        robot_qpos=robot_qpos(robot, base, angle + math.pi + noise, config.lift_m),
+        object_qpos=np.array([j.rest for j in joints]),
         joint_friction=rng.uniform(*config.joint_friction, size=len(joints)),
         joint_damping=rng.uniform(*config.joint_damping, size=len(joints)),
     )

@@ -1,63 +1,66 @@
-"""Dense reward of the cabinet tasks: named terms, four stages.
+"""Dense reward of the cabinet tasks: what is measured, the terms, four stages."""
 
-Stages: 0 approach, 1 close to the handle, 2 open enough, 3 open enough and still. With the weights that come with
-the package, any state of a later stage earns more than any state of an earlier one: every term is bounded, and a
-term that a stage does not ask for takes a fixed value there.
-"""
-
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import NamedTuple
 
-import numpy as np
-
-from artiskill.config import check, check_positive, check_value, check_vector
+from artiskill.config import check_positive
 from artiskill.geometry.arrays import Array, clamp, columns, greatest, namespace
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet.goal import OpenGoal
 from artiskill.tasks.open_cabinet.proximity import handle_proximity
+from artiskill.tasks.open_cabinet.success import SuccessConfig
+from artiskill.tasks.staged_reward import Ramp, Stage, StageTable
 
-_STAGES = 4
-
-
-class Term(NamedTuple):
-    """A term is `clip((measured - start) / width, low, high)` in the stages that ask for it.
-
-    Attributes:
-        start: measured value at which the term is 0.
-        width: change of the measured value that makes 1.
-        low: least value.
-        high: greatest value.
-        asked_in: stages that ask for it.
-        elsewhere: its value in each stage that does not.
-    """
-
-    start: float
-    width: float
-    low: float
-    high: float
-    asked_in: tuple[int, ...]
-    elsewhere: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-
-
-# What is measured: angle to the nearest grasp pose over pi; mean distance of the fingers' lines to the handle (m);
-# depth of their mid-line in the handle's hull (m); nothing; the joint's velocity (m/s or rad/s); how far it is
-# open, 0 to 1; speed of the target link (m/s) plus half its angular speed (rad/s).
+# Measures, in the order of `_measure`:
+#   hand_angle        angle to the nearest grasp pose, over pi
+#   handle_distance   mean distance of the two fingers' lines to the handle, m
+#   finger_gap        the greater of the two distances, over what counts as close
+#   depth             of the fingers' mid-line in the handle's hull, m, positive inside
+#   opening_speed     velocity of the joint, m/s or rad/s
+#   opening           how far it is open: 0 closed, 1 open enough
+#   speed             of the target link, over what counts as still
+#   angular_speed     likewise
+MEASURES = (
+    *("hand_angle", "handle_distance", "finger_gap", "depth"),
+    *("opening_speed", "opening", "speed", "angular_speed"),
+)
+# The last stage begins a little further than open enough: a link that is opened slowly, and so counts as still,
+# would otherwise skip the stage before it.
+_SAFELY_OPEN = 1.02
 TERMS = {
-    "hand_angle": Term(0.0, 1.0, 0.0, 1.0, (0,)),
-    "handle_distance": Term(0.0, 1.0, 0.0, 2.0, (0, 1)),
-    "enclosure": Term(0.004, 0.014, -1.0, 0.0, (0, 1)),
-    "stage": Term(0.0, 1.0, 0.0, 0.0, ()),  # its values are RewardConfig.stage_bonus
-    "opening_speed": Term(-0.1, 0.6, 0.0, 1.0, (1,)),
-    "opening": Term(0.0, 1.0, 0.0, 1.0, (1,), (0.0, 0.0, 1.0, 1.0)),
-    "link_speed": Term(0.0, 1.0, 0.0, 1.0, (2, 3)),
+    "hand_angle": Ramp("hand_angle", 1.0, 0.0),
+    "handle_distance": Ramp("handle_distance", 2.0, 0.0),
+    "enclosure": Ramp("depth", -0.01, 0.004),
+    "opening_speed": Ramp("opening_speed", -0.1, 0.5),
+    "opening": Ramp("opening", 0.0, 1.0),
+    "slow": Ramp("speed", 10.0, 0.0),
 }
-# The same as arrays: one entry per term, in order; and which stage asks for which term, (stages, terms).
-_START, _WIDTH, _LOW, _HIGH = (np.array(column) for column in list(zip(*TERMS.values(), strict=True))[:4])
-_ASKED = np.array([[stage in term.asked_in for term in TERMS.values()] for stage in range(_STAGES)])
-_STAGE_TERM = list(TERMS).index("stage")
+STAGES = (
+    Stage(
+        "approach",
+        asks=("hand_angle", "handle_distance", "enclosure"),
+        leaves=(Ramp("finger_gap", 3.0, 1.0), Ramp("depth", -0.01, 0.0)),
+    ),
+    Stage(
+        "close to the handle",
+        asks=("opening_speed", "opening"),
+        enters=(Ramp("finger_gap", 1.0, 0.8), Ramp("depth", 0.0, 0.002)),
+        leaves=(Ramp("opening", 0.8, 1.0),),
+    ),
+    Stage(
+        "open enough",
+        asks=("slow",),
+        enters=(Ramp("opening", 1.0, _SAFELY_OPEN),),
+        leaves=(Ramp("speed", 3.0, 1.0), Ramp("angular_speed", 3.0, 1.0), Ramp("opening", 1.0, _SAFELY_OPEN)),
+    ),
+    Stage(
+        "open enough and still",
+        asks=("slow",),
+        enters=(Ramp("speed", 1.0, 0.8), Ramp("angular_speed", 1.0, 0.8), Ramp("opening", _SAFELY_OPEN, 1.04)),
+    ),
+)
+TABLE = StageTable(TERMS, STAGES)
+_ORDER = tuple(MEASURES.index(name) for name in TABLE.measures)
 
 
 @dataclass(frozen=True)
@@ -67,59 +70,41 @@ class RewardConfig:
     Attributes:
         close_distance_m: the hand is close where both finger lines are this near to the handle, and the handle
             lies between them.
-        stage_bonus: value of the `stage` term in each of the four stages, rising.
+        stage_bonus: least reward of each of the four stages.
         weights: term name -> weight; a term that is missing is reported with weight 0.
     """
 
     close_distance_m: float
-    stage_bonus: tuple[float, float, float, float]
+    stage_bonus: tuple[float, ...]
     weights: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        check(
-            list(self.stage_bonus) == sorted(set(self.stage_bonus)),
-            f"reward.stage_bonus needs {_STAGES} rising numbers, not {list(self.stage_bonus)}",
-        )
         check_positive(self, "close_distance_m")
-        check_vector(self, "stage_bonus", size=_STAGES)
-        finite = all(map(math.isfinite, self.weights.values()))
-        check_value(self, "weights", finite, "must be finite numbers")
-        unknown = sorted(set(self.weights) - set(TERMS))
-        check(not unknown, f"reward.weights: unknown terms {unknown}; legal: {', '.join(TERMS)}")
-
-    @cached_property
-    def elsewhere(self) -> np.ndarray:
-        """Values of the terms in the stages that do not ask for them, (stages, terms)."""
-        values = np.array([term.elsewhere for term in TERMS.values()]).T
-        values[:, _STAGE_TERM] = self.stage_bonus
-        return values
+        TABLE.check_weights(self.stage_bonus, self.weights)
 
 
 def open_reward_terms(
-    snapshot: Snapshot, goal: OpenGoal, flags: Mapping[str, Array], config: RewardConfig
+    snapshot: Snapshot, goal: OpenGoal, flags: Mapping[str, Array], config: RewardConfig, success: SuccessConfig
 ) -> dict[str, Array]:
-    """Unweighted terms, each (B,); `TERMS` has their ranges, `flags` is what `open_flags` says of this instant."""
+    """Unweighted terms, each (B,), as `STAGES` has them; `flags` is what `open_flags` says of this instant."""
     xp = namespace(snapshot.object_qpos)
     row, link, joint = goal.row, goal.link, goal.joint
     distance, depth = handle_proximity(snapshot, goal)
-    is_close = (xp.maximum(distance[:, 0], distance[:, 1]) <= config.close_distance_m) & (depth > 0)
-    stage = xp.where(flags["open_enough"], 2 + flags["cabinet_static"], is_close)  # (B,) 0 to 3
-    qpos = snapshot.object_qpos[row, joint]
+    gap = xp.maximum(distance[:, 0], distance[:, 1]) / config.close_distance_m
+    opening = (snapshot.object_qpos[row, joint] - goal.lower) / (goal.open_qpos - goal.lower)
+    still = flags["cabinet_static"] & (opening >= _SAFELY_OPEN)
+    stage = xp.where(flags["open_enough"], 2 + still, (gap <= 1.0) & (depth > 0))  # (B,) 0 to 3
     measured = (
         hand_angle(snapshot, goal),
         0.5 * (distance[:, 0] + distance[:, 1]),
+        gap,
         depth,
-        qpos,
         snapshot.object_qvel[row, joint],
-        (qpos - goal.lower) / (goal.open_qpos - goal.lower),
-        snapshot.link_speed_m_s[row, link] + 0.5 * snapshot.link_angular_speed_rad_s[row, link],
+        opening,
+        snapshot.link_speed_m_s[row, link] / success.max_speed_m_s,
+        snapshot.link_angular_speed_rad_s[row, link] / success.max_angular_speed_rad_s,
     )
-    start, width, low, high, elsewhere = (
-        xp.asarray(c, dtype=qpos.dtype) for c in (_START, _WIDTH, _LOW, _HIGH, config.elsewhere)
-    )
-    ramps = (columns(measured) - start) / width  # (B, terms)
-    values = xp.where(xp.asarray(_ASKED)[stage], xp.minimum(xp.maximum(ramps, low), high), elsewhere[stage])
-    return {name: values[:, i] for i, name in enumerate(TERMS)}
+    return TABLE.evaluate(columns([measured[i] for i in _ORDER]), stage, config.stage_bonus)
 
 
 def hand_angle(snapshot: Snapshot, goal: OpenGoal) -> Array:

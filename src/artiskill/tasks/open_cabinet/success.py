@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from artiskill.config import check_not_negative, check_value
+from artiskill.config import check_not_negative, check_positive, check_value
 from artiskill.geometry.arrays import Array
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet.goal import OpenGoal
@@ -28,7 +28,8 @@ class SuccessConfig:
 
     def __post_init__(self) -> None:
         check_value(self, "open_fraction", 0 < self.open_fraction <= 1, "must lie in (0, 1]")
-        check_not_negative(self, "max_speed_m_s", "max_angular_speed_rad_s", "hold_s")
+        check_positive(self, "max_speed_m_s", "max_angular_speed_rad_s")
+        check_not_negative(self, "hold_s")
 
 
 def open_flags(snapshot: Snapshot, goal: OpenGoal, config: SuccessConfig) -> dict[str, Array]:

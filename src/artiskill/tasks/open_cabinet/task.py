@@ -7,12 +7,13 @@ from artiskill.assets.articulated_object import JointKind
 from artiskill.config import check, check_inside
 from artiskill.robots.config import load_robot
 from artiskill.scene.physics import PhysicsConfig
+from artiskill.sensors.framing import WorldCameraConfig
 from artiskill.sensors.panorama import CamerasConfig
 from artiskill.tasks.open_cabinet.goal import make_open_goal
 from artiskill.tasks.open_cabinet.initial import InitialStateConfig, sample_initial_state
 from artiskill.tasks.open_cabinet.masks import MASK_NAMES, cabinet_masks
 from artiskill.tasks.open_cabinet.proximity import load_kernel
-from artiskill.tasks.open_cabinet.reward import RewardConfig, open_reward_terms
+from artiskill.tasks.open_cabinet.reward import TABLE, RewardConfig, open_reward_terms
 from artiskill.tasks.open_cabinet.state import observe_cabinet_state, state_fields
 from artiskill.tasks.open_cabinet.success import FLAG_NAMES, SuccessConfig, open_flags
 from artiskill.tasks.task import Task
@@ -33,6 +34,7 @@ class OpenCabinetConfig:
         success: what counts as open and still.
         reward: dense reward.
         cameras: on the robot's base.
+        world_camera: for people.
     """
 
     name: str
@@ -45,6 +47,7 @@ class OpenCabinetConfig:
     success: SuccessConfig
     reward: RewardConfig
     cameras: CamerasConfig
+    world_camera: WorldCameraConfig
 
     def __post_init__(self) -> None:
         check(self.episode_steps >= 1, f"episode_steps must be at least 1, not {self.episode_steps}")
@@ -62,6 +65,7 @@ def make_open_cabinet(config: OpenCabinetConfig) -> Task:
         category="cabinet",
         robot=robot,
         physics=config.physics,
+        props=(),
         episode_steps=config.episode_steps,
         hold_steps=max(1, round(config.success.hold_s / config.physics.step_s)),
         targets=lambda obj: obj.target_links(config.motion),
@@ -69,11 +73,13 @@ def make_open_cabinet(config: OpenCabinetConfig) -> Task:
         sample_initial_state=partial(sample_initial_state, config=config.initial, robot=robot),
         flag_names=FLAG_NAMES,
         flags=partial(open_flags, config=config.success),
-        reward_terms=partial(open_reward_terms, config=config.reward),
+        reward_terms=partial(open_reward_terms, config=config.reward, success=config.success),
         reward_weights=config.reward.weights,
+        reward_table=TABLE,
         observe_state=partial(observe_cabinet_state, max_joints=config.max_object_joints),
         state_fields=state_fields(config.max_object_joints, arms=len(robot.mounts)),
         cameras=config.cameras,
+        world_camera=config.world_camera,
         mask_names=MASK_NAMES,
         masks=cabinet_masks,
     )

@@ -1,0 +1,49 @@
+"""The goal of MoveBucket: the platform lies at the origin; what differs is the bucket's shape."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.geometry.arrays import Array, namespace
+from artiskill.sim.snapshot import Snapshot
+from artiskill.tasks.surface import surface_samples
+
+
+@dataclass(frozen=True, eq=False)
+class BucketGoal:
+    """What B episodes ask for.
+
+    Attributes:
+        row: (B,) 0 to B - 1.
+        points: (B, P, 3) samples of the bucket's surface, in the frame of their link.
+        point_link: (B, P) index of that link.
+        box: (B, 2, 3) smallest and largest corner of the bucket's body, without its bail, in its own frame.
+        start_height: (B,) of the box's middle above the ground while the bucket stands there, m.
+    """
+
+    row: Array
+    points: Array
+    point_link: Array
+    box: Array
+    start_height: Array
+
+
+def body_box(obj: ArticulatedObject) -> np.ndarray:
+    """(2, 3) smallest and largest corner of what is drawn of an object's root, in its frame."""
+    corners = np.stack([visual.mesh.bounds for visual in obj.links[0].visuals])
+    return np.stack((corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)))
+
+
+def make_bucket_goal(obj: ArticulatedObject, target: str) -> BucketGoal:
+    """The goal of moving a bucket, with B = 1; `target` is its root."""
+    points, link = surface_samples(obj)
+    box = body_box(obj)
+    return BucketGoal(np.array([0]), points[None], link[None], box[None], box[:, 2].mean()[None])
+
+
+def bucket_centre_w(snapshot: Snapshot, goal: BucketGoal) -> Array:
+    """(B, 3) the middle of the bucket's box, in the world."""
+    xp = namespace(snapshot.link_position_w)
+    middle = xp.mean(goal.box, axis=1)
+    return (snapshot.link_rotation_w[:, 0] @ middle[..., None])[..., 0] + snapshot.link_position_w[:, 0]

@@ -1,0 +1,133 @@
+"""MoveBucket: configuration and assembly."""
+
+from dataclasses import dataclass
+from functools import partial
+
+from artiskill.config import check, check_inside, check_positive
+from artiskill.robots.config import load_robot
+from artiskill.scene.physics import PhysicsConfig
+from artiskill.scene.props import Prop
+from artiskill.sensors.framing import WorldCameraConfig
+from artiskill.sensors.panorama import CamerasConfig
+from artiskill.tasks.move_bucket.goal import make_bucket_goal
+from artiskill.tasks.move_bucket.initial import InitialStateConfig, sample_initial_state
+from artiskill.tasks.move_bucket.reward import TABLE, RewardConfig, bucket_reward_terms
+from artiskill.tasks.move_bucket.success import FLAG_NAMES, bucket_flags
+from artiskill.tasks.standing import MASK_NAMES, StandingConfig, observe_standing_state, robot_mask, state_fields
+from artiskill.tasks.surface import load_kernel
+from artiskill.tasks.task import Task
+
+BALL = "ball"
+_PLATFORM_RGBA, _BALL_RGBA = (0.35, 0.24, 0.14, 1.0), (0.05, 0.25, 0.65, 1.0)
+
+
+@dataclass(frozen=True)
+class PropsConfig:
+    """Platform and ball.
+
+    Attributes:
+        platform_half_m: half the width of the square platform.
+        platform_height_m: of its top above the ground.
+        ball_radius_m: of the ball in the bucket.
+        ball_density_kg_m3: likewise.
+        friction: sliding friction of both.
+    """
+
+    platform_half_m: float
+    platform_height_m: float
+    ball_radius_m: float
+    ball_density_kg_m3: float
+    friction: float
+
+    def __post_init__(self) -> None:
+        check_positive(self, "platform_half_m", "platform_height_m", "ball_radius_m", "ball_density_kg_m3")
+        check_positive(self, "friction")
+
+    def props(self) -> tuple[Prop, ...]:
+        """Both, for a scene."""
+        half = (self.platform_half_m, self.platform_half_m, self.platform_height_m / 2)
+        place = (0.0, 0.0, self.platform_height_m / 2)
+        return (
+            Prop("platform", "box", half, "fixed", place, _PLATFORM_RGBA, friction=self.friction),
+            Prop(
+                *(BALL, "sphere", (self.ball_radius_m,), "free"),
+                rgba=_BALL_RGBA,
+                density_kg_m3=self.ball_density_kg_m3,
+                friction=self.friction,
+            ),
+        )
+
+
+@dataclass(frozen=True)
+class MoveBucketConfig:
+    """Everything about the task that is a value.
+
+    Attributes:
+        name: of the task.
+        robot: name of the robot.
+        episode_steps: environment steps until the episode is cut off.
+        max_object_joints: joint slots of the state vector.
+        physics: rates, solver, contacts.
+        props: platform and ball.
+        initial: ranges of initial states.
+        success: what counts as above the platform, standing and still.
+        reward: dense reward.
+        cameras: on the robot's base.
+        world_camera: for people.
+    """
+
+    name: str
+    robot: str
+    episode_steps: int
+    max_object_joints: int
+    physics: PhysicsConfig
+    props: PropsConfig
+    initial: InitialStateConfig
+    success: StandingConfig
+    reward: RewardConfig
+    cameras: CamerasConfig
+    world_camera: WorldCameraConfig
+
+    def __post_init__(self) -> None:
+        check(self.episode_steps >= 1, f"episode_steps must be at least 1, not {self.episode_steps}")
+        check(self.max_object_joints >= 1, f"max_object_joints must be at least 1, not {self.max_object_joints}")
+
+
+def make_move_bucket(config: MoveBucketConfig) -> Task:
+    """Assemble the task.
+
+    Raises:
+        ConfigError: the robot has not two arms, or starts where its lift cannot be.
+    """
+    robot = load_robot(config.robot)
+    check(
+        len(robot.mounts) == 2, f"MoveBucket needs a robot with two arms; {config.robot} has {len(robot.mounts)}"
+    )
+    check_inside("initial.lift_m", config.initial.lift_m, robot.lift.range_m)
+    load_kernel()
+    return Task(
+        name=config.name,
+        config=config,
+        category="bucket",
+        robot=robot,
+        physics=config.physics,
+        props=config.props.props(),
+        episode_steps=config.episode_steps,
+        hold_steps=max(1, round(config.success.hold_s / config.physics.step_s)),
+        targets=lambda obj: (obj.links[0].name,),
+        make_goal=make_bucket_goal,
+        sample_initial_state=partial(
+            sample_initial_state, config=config.initial, robot=robot, ball_radius_m=config.props.ball_radius_m
+        ),
+        flag_names=FLAG_NAMES,
+        flags=partial(bucket_flags, config=config.success),
+        reward_terms=partial(bucket_reward_terms, config=config.reward, success=config.success),
+        reward_weights=config.reward.weights,
+        reward_table=TABLE,
+        observe_state=partial(observe_standing_state, max_joints=config.max_object_joints),
+        state_fields=state_fields(config.max_object_joints, len(robot.mounts), (BALL,)),
+        cameras=config.cameras,
+        world_camera=config.world_camera,
+        mask_names=MASK_NAMES,
+        masks=robot_mask,
+    )

@@ -1,0 +1,101 @@
+"""PushChair: configuration and assembly."""
+
+from dataclasses import dataclass
+from functools import partial
+
+from artiskill.config import check, check_inside
+from artiskill.geometry.arrays import Array
+from artiskill.robots.config import load_robot
+from artiskill.scene.physics import PhysicsConfig
+from artiskill.scene.props import Prop
+from artiskill.sensors.framing import WorldCameraConfig
+from artiskill.sensors.panorama import CamerasConfig
+from artiskill.sim.snapshot import Snapshot
+from artiskill.tasks.push_chair.goal import PushGoal, make_push_goal
+from artiskill.tasks.push_chair.initial import InitialStateConfig, sample_initial_state
+from artiskill.tasks.push_chair.reward import TABLE, RewardConfig, push_reward_terms
+from artiskill.tasks.standing import (
+    MASK_NAMES,
+    Stand,
+    StandingConfig,
+    observe_standing_state,
+    robot_mask,
+    state_fields,
+)
+from artiskill.tasks.surface import load_kernel
+from artiskill.tasks.task import Task
+
+FLAG_NAMES = ("chair_close_to_target", "chair_standing", "chair_static")
+# the target for people to see: a red ball, half in the ground
+_TARGET_RGBA = (0.75, 0.03, 0.03, 1.0)
+
+
+@dataclass(frozen=True)
+class PushChairConfig:
+    """Everything about the task that is a value.
+
+    Attributes:
+        name: of the task.
+        robot: name of the robot.
+        episode_steps: environment steps until the episode is cut off.
+        max_object_joints: joint slots of the state vector.
+        physics: rates, solver, contacts.
+        initial: ranges of initial states.
+        success: what counts as near, standing and still.
+        reward: dense reward.
+        cameras: on the robot's base.
+        world_camera: for people.
+    """
+
+    name: str
+    robot: str
+    episode_steps: int
+    max_object_joints: int
+    physics: PhysicsConfig
+    initial: InitialStateConfig
+    success: StandingConfig
+    reward: RewardConfig
+    cameras: CamerasConfig
+    world_camera: WorldCameraConfig
+
+    def __post_init__(self) -> None:
+        check(self.episode_steps >= 1, f"episode_steps must be at least 1, not {self.episode_steps}")
+        check(self.max_object_joints >= 1, f"max_object_joints must be at least 1, not {self.max_object_joints}")
+
+
+def push_flags(snapshot: Snapshot, goal: PushGoal, config: StandingConfig) -> dict[str, Array]:
+    """The conditions of `FLAG_NAMES`, each (B,) bool, at this instant."""
+    stand = Stand(snapshot)
+    values = (stand.near(config), stand.upright(config), stand.still(config))
+    return dict(zip(FLAG_NAMES, values, strict=True))
+
+
+def make_push_chair(config: PushChairConfig) -> Task:
+    """Assemble the task."""
+    robot = load_robot(config.robot)
+    check_inside("initial.lift_m", config.initial.lift_m, robot.lift.range_m)
+    load_kernel()
+    return Task(
+        name=config.name,
+        config=config,
+        category="chair",
+        robot=robot,
+        physics=config.physics,
+        props=(Prop("target", "sphere", (config.success.near_m,), "drawn", rgba=_TARGET_RGBA),),
+        episode_steps=config.episode_steps,
+        hold_steps=max(1, round(config.success.hold_s / config.physics.step_s)),
+        targets=lambda obj: (obj.links[0].name,),
+        make_goal=make_push_goal,
+        sample_initial_state=partial(sample_initial_state, config=config.initial, robot=robot),
+        flag_names=FLAG_NAMES,
+        flags=partial(push_flags, config=config.success),
+        reward_terms=partial(push_reward_terms, config=config.reward, success=config.success),
+        reward_weights=config.reward.weights,
+        reward_table=TABLE,
+        observe_state=partial(observe_standing_state, max_joints=config.max_object_joints),
+        state_fields=state_fields(config.max_object_joints, len(robot.mounts)),
+        cameras=config.cameras,
+        world_camera=config.world_camera,
+        mask_names=MASK_NAMES,
+        masks=robot_mask,
+    )

@@ -1,0 +1,131 @@
+"""Dense rewards in stages: a table of named terms that keeps two promises, whatever is measured.
+
+Any state of a later stage earns more than any state of an earlier one, and the reward is continuous where one
+stage turns into the next. In stage k the reward is
+
+    bonus[k] + leaving * (bonus[k + 1] - bonus[k])  +  (1 - leaving) * entered * (weighted sum of the terms asked)
+
+`leaving` rises from 0 to 1 on the last stretch before stage k + 1, `entered` from 0 to 1 on the first stretch
+after stage k - 1. Terms lie in [0, 1] and their weights in a stage sum to less than the step to the next bonus, so
+the second summand never reaches it. Where a stage is skipped the reward jumps, always upwards: what stages 0 and 2
+earn cannot meet while all that stage 1 earns lies between.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from artiskill.config import check
+from artiskill.geometry.arrays import Array, clamp, least, namespace
+
+# A stage's best state comes this near to the next stage's worst, relative to the step: never equal, never a jump.
+_NEAREST = 1.0 - 1e-9
+STAGE_TERM = "stage"
+
+
+class Ramp(NamedTuple):
+    """A number in [0, 1]: 0 where the measure is `zero` or beyond, 1 where it is `one` or beyond, else linear."""
+
+    measure: str
+    zero: float
+    one: float
+
+
+class Stage(NamedTuple):
+    """One stage of a task.
+
+    Attributes:
+        name: for people.
+        asks: terms that count in it.
+        enters: how far inside it is; the least of these counts. None means right away.
+        leaves: how near the next one is; the least of these counts. The last stage has none.
+    """
+
+    name: str
+    asks: tuple[str, ...]
+    enters: tuple[Ramp, ...] = ()
+    leaves: tuple[Ramp, ...] = ()
+
+
+class StageTable:
+    """Terms and stages of a task, as arrays.
+
+    Args:
+        terms: name -> ramp of a measure.
+        stages: in their order; all but the last have something to leave by.
+    """
+
+    def __init__(self, terms: Mapping[str, Ramp], stages: Sequence[Stage]) -> None:
+        self.terms, self.stages = dict(terms), tuple(stages)
+        enters = [(k, ramp) for k, stage in enumerate(stages) for ramp in stage.enters]
+        leaves = [(k, ramp) for k, stage in enumerate(stages) for ramp in stage.leaves]
+        ramps = [*self.terms.values(), *(ramp for _, ramp in (*enters, *leaves))]
+        self.measures = tuple(dict.fromkeys(ramp.measure for ramp in ramps))
+        self._columns = np.array([self.measures.index(ramp.measure) for ramp in ramps])
+        self._zero = np.array([ramp.zero for ramp in ramps])
+        self._scale = 1.0 / (np.array([ramp.one for ramp in ramps]) - self._zero)
+        count = range(len(self.stages))
+        self._asked = np.array([[name in stage.asks for name in self.terms] for stage in self.stages], dtype=float)
+        # 0 where a ramp has a say in a stage, 1 where it has none: the greater of the two is what counts
+        self._enter_floor = np.array([[float(k != stage) for k, _ in enters] for stage in count])
+        self._leave_floor = np.array([[float(k != stage) for k, _ in leaves] for stage in count])
+        self._leavable = np.array([_NEAREST if stage.leaves else 0.0 for stage in self.stages])
+        self._enter = slice(len(self.terms), len(self.terms) + len(enters))
+        self._leave = slice(len(self.terms) + len(enters), len(ramps))
+
+    def evaluate(self, measured: Array, stage: Array, bonus: Sequence[float]) -> dict[str, Array]:
+        """The unweighted terms.
+
+        Args:
+            measured: (B, M), one column per name in `measures`.
+            stage: (B,) number of the stage.
+            bonus: of each stage.
+
+        Returns:
+            Name -> (B,): the table's terms in [0, 1], and `stage` between the bonus of this stage and the next.
+        """
+        xp, dtype = namespace(measured), measured.dtype
+        zero, scale = xp.asarray(self._zero, dtype=dtype), xp.asarray(self._scale, dtype=dtype)
+        ramps = clamp((xp.take(measured, xp.asarray(self._columns), axis=1) - zero) * scale, 0.0, 1.0)
+        floors = (xp.asarray(floor, dtype=dtype)[stage] for floor in (self._enter_floor, self._leave_floor))
+        entered, leaving = (
+            least(xp.maximum(ramps[:, part], floor))
+            for part, floor in zip((self._enter, self._leave), floors, strict=True)
+        )
+        leaving = leaving * xp.asarray(self._leavable, dtype=dtype)[stage]
+        gate = (1.0 - leaving) * entered
+        terms = ramps[:, : len(self.terms)] * xp.asarray(self._asked, dtype=dtype)[stage] * gate[:, None]
+        steps = xp.asarray([*np.diff(bonus), 0.0], dtype=dtype)
+        values = {name: terms[:, i] for i, name in enumerate(self.terms)}
+        values[STAGE_TERM] = xp.asarray(np.asarray(bonus), dtype=dtype)[stage] + leaving * steps[stage]
+        return values
+
+    def check_weights(self, bonus: Sequence[float], weights: Mapping[str, float]) -> None:
+        """Refuse numbers that would break the order of the stages.
+
+        Args:
+            bonus: of each stage.
+            weights: of the terms and of `stage`; a missing one is 0.
+
+        Raises:
+            ConfigError: another number of stages, an unknown term, a weight that is negative or not finite, or a
+                step between two bonuses that the terms of the lower stage can outweigh.
+        """
+        names = (*self.terms, STAGE_TERM)
+        unknown = sorted(set(weights) - set(names))
+        check(not unknown, f"reward.weights: unknown terms {unknown}; legal: {', '.join(names)}")
+        legal = all(math.isfinite(w) and w >= 0 for w in weights.values())
+        check(legal, f"reward.weights must be finite numbers of at least 0, not {dict(weights)}")
+        count = len(self.stages)
+        finite = len(bonus) == count and all(map(math.isfinite, bonus))
+        check(finite, f"reward.stage_bonus needs {count} finite numbers, not {list(bonus)}")
+        for k, stage in enumerate(self.stages[:-1]):
+            most = sum(weights.get(name, 0.0) for name in stage.asks)
+            step = (bonus[k + 1] - bonus[k]) * weights.get(STAGE_TERM, 0.0)
+            check(
+                step > most,
+                f"reward.stage_bonus must rise by more than {most:g} from stage {k} ({stage.name}) to {k + 1}, "
+                f"which the terms of that stage add up to; it rises by {step:g}: {list(bonus)}",
+            )

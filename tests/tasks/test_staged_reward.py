@@ -1,0 +1,121 @@
+"""The two promises of staged rewards: later stages earn more, and nothing jumps where one stage meets the next."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from artiskill.errors import ConfigError
+from artiskill.tasks.registry import make_task, task_names
+from artiskill.tasks.staged_reward import STAGE_TERM, Ramp, Stage, StageTable
+
+TOY = StageTable(
+    {"near": Ramp("gap", 2.0, 0.0), "fast": Ramp("speed", 0.0, 1.0)},
+    (
+        Stage("far", asks=("near",), leaves=(Ramp("gap", 0.2, 0.1), Ramp("angle", 0.5, 0.3))),
+        Stage("close", asks=("near", "fast"), enters=(Ramp("gap", 0.1, 0.05), Ramp("angle", 0.3, 0.2))),
+    ),
+)
+TOY_BONUS, TOY_WEIGHTS = (-3.0, 0.0), {"near": 2.0, "fast": 1.5, STAGE_TERM: 1.0}
+
+
+def tables() -> list[tuple[str, StageTable, Sequence[float], dict[str, float]]]:
+    found = [("toy", TOY, TOY_BONUS, TOY_WEIGHTS)]
+    for name in task_names():
+        task = make_task(name)
+        found.append((name, task.reward_table, task.config.reward.stage_bonus, dict(task.reward_weights)))
+    return found
+
+
+def reward(
+    table: StageTable, bonus: Sequence[float], weights: dict[str, float], measured: np.ndarray, stage: np.ndarray
+) -> np.ndarray:
+    terms = table.evaluate(measured, stage, bonus)
+    return np.asarray(sum(weights[name] * value for name, value in terms.items()))
+
+
+def random_measures(table: StageTable, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Around and beyond the ends of the ramps, and often exactly at them."""
+    ramps = [*table.terms.values(), *(r for s in table.stages for r in (*s.enters, *s.leaves))]
+    columns = []
+    for name in table.measures:
+        ends = np.array([end for ramp in ramps if ramp.measure == name for end in (ramp.zero, ramp.one)])
+        span = np.ptp(ends)
+        values = rng.uniform(ends.min() - span, ends.max() + span, count)
+        exact = rng.random(count) < 0.3
+        values[exact] = rng.choice(ends, exact.sum())
+        columns.append(values)
+    return np.stack(columns, axis=1)
+
+
+@pytest.mark.parametrize(
+    ("name", "table", "bonus", "weights"), tables(), ids=lambda v: v if type(v) is str else ""
+)
+def test_a_later_stage_always_earns_more(
+    name: str, table: StageTable, bonus: Sequence[float], weights: dict[str, float]
+) -> None:
+    """Whatever is measured, also what no state has: the order does not hang on physics."""
+    rng = np.random.default_rng(0)
+    earned = []
+    for stage in range(len(table.stages)):
+        measured = random_measures(table, 5000, rng)
+        earned.append(reward(table, bonus, weights, measured, np.full(5000, stage)))
+    for lower, higher in pairwise(earned):
+        assert lower.max() < higher.min()
+
+
+@pytest.mark.parametrize(
+    ("name", "table", "bonus", "weights"), tables(), ids=lambda v: v if type(v) is str else ""
+)
+def test_nothing_jumps_where_stages_meet(
+    name: str, table: StageTable, bonus: Sequence[float], weights: dict[str, float]
+) -> None:
+    """At the border of two stages both earn the upper one's bonus, unless that one is about to be left."""
+    rng = np.random.default_rng(1)
+    for k, (lower, upper) in enumerate(pairwise(table.stages)):
+        measured = random_measures(table, 500, rng)
+        for ramp in upper.leaves:
+            measured[:, table.measures.index(ramp.measure)] = ramp.zero
+        for ramp in lower.leaves:
+            measured[:, table.measures.index(ramp.measure)] = ramp.one
+        entering = {ramp.measure: ramp.zero for ramp in upper.enters}
+        leaving = {ramp.measure: ramp.one for ramp in lower.leaves}
+        assert entering == leaving, "what one stage is left by is what the next is entered by"
+        for stage in (k, k + 1):
+            found = reward(table, bonus, weights, measured, np.full(len(measured), stage))
+            np.testing.assert_allclose(found, bonus[k + 1], atol=1e-6)
+
+
+def test_terms_stay_in_their_range_and_only_count_where_asked() -> None:
+    measured = random_measures(TOY, 1000, np.random.default_rng(2))
+    terms = TOY.evaluate(measured, np.zeros(1000, dtype=int), TOY_BONUS)
+    assert all((terms[name] >= 0).all() and (terms[name] <= 1).all() for name in TOY.terms)
+    assert (terms["fast"] == 0).all()
+    assert (terms["near"] > 0).any()
+
+
+def test_the_reward_rises_along_the_way() -> None:
+    """From far to close, with the angle right: every step nearer earns more."""
+    gaps = np.linspace(1.9, 0.0, 60)
+    columns = {"gap": gaps, "speed": np.full(60, 0.5), "angle": np.full(60, 0.1)}
+    measured = np.stack([columns[name] for name in TOY.measures], axis=1)
+    earned = reward(TOY, TOY_BONUS, TOY_WEIGHTS, measured, (gaps <= 0.1).astype(int))
+    assert (np.diff(earned) > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("bonus", "weights", "message"),
+    [
+        ((0.0,), TOY_WEIGHTS, r"needs 2 finite numbers, not \[0.0\]"),
+        ((-1.0, 0.0), TOY_WEIGHTS, r"must rise by more than 2 from stage 0 \(far\) to 1.*rises by 1"),
+        ((0.0, float("nan")), TOY_WEIGHTS, "finite"),
+        (TOY_BONUS, {"nearer": 1.0}, r"unknown terms \['nearer'\]; legal: near, fast, stage"),
+        (TOY_BONUS, {**TOY_WEIGHTS, "fast": -1.0}, "at least 0"),
+    ],
+)
+def test_weights_that_break_the_order_are_refused(
+    bonus: tuple[float, ...], weights: dict[str, float], message: str
+) -> None:
+    with pytest.raises(ConfigError, match=message):
+        TOY.check_weights(bonus, weights)
