@@ -50,7 +50,7 @@ def environment_rate(env: gym.Env, actions: np.ndarray) -> float:
 
 def engine_rate(env: ManipulationEnv, actions: np.ndarray) -> float:
     """The same with `mj_step` alone, 25 per action, on an episode's own model, joint parameters included."""
-    targets = env._scale.to_targets(actions.astype(float))
+    targets = env.control.joint_scale.to_targets(actions.astype(float))
     spent = 0.0
     for first in range(0, len(actions), EPISODE):
         env.reset(seed=first // EPISODE)

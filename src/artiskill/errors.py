@@ -66,6 +66,12 @@ class MissingExtraError(ArtiSkillError, ImportError):
         super().__init__(f"{feature} needs an optional dependency: pip install 'artiskill[{extra}]'")
 
 
+def check_name(kind: str, given: object, legal: tuple[str, ...]) -> None:
+    """Raise UnknownNameError unless a name is one of the legal ones."""
+    if given not in legal:
+        raise UnknownNameError(kind, given, legal)
+
+
 def _shorten(names: list[str], most: int = 12) -> str:
     if len(names) <= most:
         return ", ".join(names) or "(none)"

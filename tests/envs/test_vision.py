@@ -15,7 +15,7 @@ from artiskill.errors import ConfigError, UnknownNameError
 from artiskill.sensors.downsample import SAMPLERS, ManiskillSampler, downsample
 from artiskill.tasks.levels import Stream, level_generator
 
-OBJECT = "cabinet-0014"
+OBJECT = "cabinet-0003"
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "observations.md"
 HANDLE, LINK, ROBOT = range(3)
 
@@ -165,10 +165,10 @@ def test_observations_are_the_callers_to_keep() -> None:
 
 
 def test_one_environment_sees_one_cabinet_after_another() -> None:
-    env = ManipulationEnv(objects=["cabinet-0014", "cabinet-0005"], obs_mode="pointcloud")
-    first = env.reset(options={"level": 0, "object": "cabinet-0014"})[0]["pointcloud"]
+    env = ManipulationEnv(objects=["cabinet-0003", "cabinet-0005"], obs_mode="pointcloud")
+    first = env.reset(options={"level": 0, "object": "cabinet-0003"})[0]["pointcloud"]
     other = env.reset(options={"level": 0, "object": "cabinet-0005"})[0]["pointcloud"]
-    again = env.reset(options={"level": 0, "object": "cabinet-0014"})[0]["pointcloud"]
+    again = env.reset(options={"level": 0, "object": "cabinet-0003"})[0]["pointcloud"]
     assert (first["rgb"] != other["rgb"]).any()
     for name in first:
         np.testing.assert_array_equal(first[name], again[name])

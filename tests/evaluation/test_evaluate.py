@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import artiskill
-from artiskill.assets.catalog import read_catalog
+from artiskill.assets.entries import read_catalog
 from artiskill.errors import ArtiSkillError, AssetError, ConfigError, PolicyError, UnknownNameError
 from artiskill.evaluation import workers
 from artiskill.evaluation.episodes import EpisodeResult
@@ -97,7 +97,7 @@ def test_targets_can_be_drawn_fixed_or_all() -> None:
     every = make_plan(TASK, "random", OBJECTS[:1], target="all")
     assert [batch.row for batch in drawn.batches] == [("cabinet-0005", "any")]
     assert [batch.row for batch in fixed.batches] == [("cabinet-0005", "link_1")]
-    assert [batch.row[1] for batch in every.batches] == ["link_0", "link_1", "link_2"]
+    assert [batch.row[1] for batch in every.batches] == ["link_0", "link_1"]
 
 
 def test_a_function_and_an_object_as_policy() -> None:
@@ -111,9 +111,9 @@ def test_a_function_and_an_object_as_policy() -> None:
 
 
 def test_objects_of_ones_own() -> None:
-    cabinet = artiskill.load_object("generated:7")
+    cabinet = artiskill.load_object("generated:8")
     report = evaluate(TASK, "random", [cabinet, "cabinet-0005"], 1, config=SHORT, workers=2)
-    assert [row.object for row in report.rows] == ["generated-7", "cabinet-0005"]
+    assert [row.object for row in report.rows] == ["generated-cabinet-8", "cabinet-0005"]
 
 
 def test_a_solution_is_run_anew_for_every_object(solution: Callable[[str], Path]) -> None:
@@ -133,8 +133,8 @@ def test_a_solution_is_run_anew_for_every_object(solution: Callable[[str], Path]
 
 @pytest.mark.parametrize("num_workers", [1, 2])
 def test_an_error_is_of_the_same_kind_for_any_number_of_workers(num_workers: int) -> None:
-    objects = ["cabinet-0028", "cabinet-0005"]  # of one joint, and of three
-    with pytest.raises(AssetError, match="3 joints"):
+    objects = ["cabinet-0028", "cabinet-0005"]  # of one joint, and of four
+    with pytest.raises(AssetError, match="4 joints"):
         evaluate(TASK, "random", objects, 1, config=SHORT | {"max_object_joints": 1}, workers=num_workers)
 
 

@@ -5,11 +5,11 @@ import sys
 from collections.abc import Sequence
 
 from artiskill import __version__
-from artiskill.cli import config, evaluate, objects, tasks, version
+from artiskill.cli import assets, config, evaluate, objects, render, tasks, version
 from artiskill.cli.parser import Parser
 from artiskill.errors import ArtiSkillError
 
-COMMANDS = (evaluate, objects, tasks, config, version)
+COMMANDS = (evaluate, render, objects, assets, tasks, config, version)
 EXIT_OK, EXIT_ERROR, EXIT_INTERRUPTED, EXIT_BROKEN_PIPE = 0, 2, 130, 141
 
 
@@ -20,13 +20,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: without the program's name; by default the process's own.
 
     Returns:
-        0; 2 after an error that was explained in one line; 130 after Ctrl-C; 141 if the reader of the output left.
+        0, or what the command says, 1 where it found faults; 2 after an error that was explained in one line; 130
+        after Ctrl-C; 141 if the reader of the output left.
     """
     argv = list(sys.argv[1:] if argv is None else argv)
     debug = "--debug" in argv
     try:
         arguments = make_parser().parse_strictly(argv)
-        arguments.run(arguments)
+        status = arguments.run(arguments)
         sys.stdout.flush()
     except ArtiSkillError as error:
         if debug:
@@ -42,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # `artiskill objects | head -1`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains while it ends
         return EXIT_BROKEN_PIPE
-    return EXIT_OK
+    return EXIT_OK if status is None else status
 
 
 def make_parser() -> Parser:

@@ -8,12 +8,12 @@ import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.envs.casting import Casting, ObjectChoice
+from artiskill.envs.control import CONTROL_MODES, JOINT, Control
 from artiskill.envs.observation import Instant, Observer, StateObserver
-from artiskill.envs.rendering import WorldView
+from artiskill.envs.rendering import Viewpoint, WorldView
 from artiskill.envs.state import EnvState, check_progress
 from artiskill.envs.vision import PointCloudObserver, RgbdObserver
-from artiskill.errors import ConfigError, ResetNeededError, StateError, UnknownNameError
-from artiskill.robots.actions import action_scale, check_action
+from artiskill.errors import ConfigError, ResetNeededError, StateError, check_name
 from artiskill.scene.cache import cached_scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
@@ -37,7 +37,7 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
 
     ## Action space
 
-    `Box(-1, 1, (13,), float32)`: one number per joint; values outside are clipped.
+    `Box(-1, 1, (13,), float32)`, or 22 with two arms: one number per joint; values outside are clipped.
 
     | Numbers | Controls | -1 .. +1 means |
     |---|---|---|
@@ -46,6 +46,8 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
     | 3 | lift velocity | -0.5 .. 0.5 m/s |
     | 4-10 | velocities of the arm's joints | -3.14 .. 3.14 rad/s |
     | 11-12 | position of each finger | 0 .. 0.04 m |
+
+    A second arm's nine follow. `control_mode="operational_space"` has hand twists for arm joints: docs/control.md.
 
     ## Observation space
 
@@ -78,6 +80,7 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
         target: fix the target link; by default the level draws one.
         obs_mode: `state`, `pointcloud` or `rgbd`.
         reward_mode: `dense` or `sparse`.
+        control_mode: `joint` or `operational_space`.
         render_mode: None or `rgb_array`.
         config: values of the task's YAML to change, `{"episode_steps": 100}`; keys may be dotted.
 
@@ -95,20 +98,22 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
         target: str | None = None,
         obs_mode: str = "state",
         reward_mode: str = "dense",
+        control_mode: str = JOINT,
         render_mode: str | None = None,
         config: Mapping[str, Any] | None = None,
     ) -> None:
-        _check_name("observation mode", obs_mode, OBSERVATION_MODES)
-        _check_name("reward mode", reward_mode, REWARD_MODES)
+        check_name("observation mode", obs_mode, OBSERVATION_MODES)
+        check_name("reward mode", reward_mode, REWARD_MODES)
+        check_name("control mode", control_mode, CONTROL_MODES)
         if render_mode is not None:
-            _check_name("render mode", render_mode, RENDER_MODES)
+            check_name("render mode", render_mode, RENDER_MODES)
         self.task = make_task(task, config)
         self.obs_mode, self.reward_mode, self.render_mode = obs_mode, reward_mode, render_mode
         self._casting = Casting(self.task, objects, target)
-        self._scale = action_scale(self.task.robot)
+        self.control = Control(self.task.robot, control_mode)
         self._observer = _OBSERVERS[obs_mode](self.task)
         self.observation_space = self._observer.space
-        self.action_space = gym.spaces.Box(-1.0, 1.0, self._scale.center.shape, np.float32)
+        self.action_space = self.control.space
         self._simulation: Simulation | None = None
         self._view: WorldView | None = None
         self._progress = Progress(1, self.task.flag_names, self.task.hold_steps)
@@ -130,7 +135,7 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
         """
         options = dict(options or {})
         for key in options:
-            _check_name("reset option", key, ("level", "object", "target"))
+            check_name("reset option", key, ("level", "object", "target"))
         level = options.get("level", seed)
         if level is not None:
             level = check_level(level)
@@ -153,11 +158,11 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
             ActionError: the action has the wrong shape or values that are not finite.
             ResetNeededError: called before the first `reset`.
         """
-        action = check_action(action, self._scale.center.size)
+        action = self.control.check(action)
         simulation = self._simulation
         if simulation is None:
             raise ResetNeededError("call reset() before step()")
-        simulation.step(self._scale.to_targets(action)[None])
+        simulation.step(self.control.to_targets(action[None], self.snapshot))
         self._snapshot = snapshot = simulation.snapshot()
         flags = self.task.flags(snapshot, self._goal)
         self._progress.advance(flags)
@@ -179,7 +184,7 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
             raise ConfigError("this environment was made without a render mode; pass render_mode='rgb_array'")
         if self._view is None:
             assert self._simulation is not None
-            self._view = WorldView(self._simulation.scene)
+            self._view = WorldView(self._simulation.scene, Viewpoint().camera(self.task.world_camera))
         return self._view.draw(self.snapshot)
 
     def observe_with(self, observer: Observer) -> None:
@@ -254,7 +259,7 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
         """The present simulation where it has this object, else a new one."""
         if self._simulation is not None and self._simulation.scene.object is obj:
             return self._simulation
-        return Simulation(cached_scene(self.task.robot, obj, self.task.physics))
+        return Simulation(cached_scene(self.task.robot, obj, self.task.physics, self.task.props))
 
     def _enter(self, simulation: Simulation, target: str) -> None:
         """Go over to a simulation and a target."""
@@ -289,8 +294,3 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
             "reward_terms": values,
         }
         return info, sum(weight * values[name] for name, weight in weights.items())
-
-
-def _check_name(kind: str, given: object, legal: tuple[str, ...]) -> None:
-    if given not in legal:
-        raise UnknownNameError(kind, given, legal)

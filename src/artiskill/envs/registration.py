@@ -2,7 +2,9 @@
 
 import gymnasium as gym
 
-from artiskill.assets.catalog import list_objects, read_catalog, task_motion
+from artiskill.assets.catalog import list_objects
+from artiskill.assets.entries import read_catalog
+from artiskill.assets.needs import task_needs
 from artiskill.tasks.registry import task_names
 
 NAMESPACE = "ArtiSkill"
@@ -13,9 +15,10 @@ def register_envs() -> None:
     """Register every id of the catalogue; registering twice changes nothing."""
     for task in task_names():
         _register(task, {"task": task})
-        for object_id in list_objects(task=task):
+        motion = task_needs(task).motion
+        for object_id in (*list_objects(task=task), *list_objects(split="ood", task=task)):
             _register(f"{task}_{object_id}", {"task": task, "objects": object_id})
-            for link in read_catalog()[object_id][1].targets(task_motion(task)):
+            for link in () if motion is None else read_catalog()[object_id][1].targets(motion):
                 _register(f"{task}_{object_id}_{link}", {"task": task, "objects": object_id, "target": link})
 
 

@@ -1,36 +1,83 @@
 """Pictures for people: the scene from a world camera."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from artiskill.scene.scene import Scene
 from artiskill.sensors.camera import Camera
-from artiskill.sensors.render_config import load_render_config
-from artiskill.sensors.renderer import Renderer
+from artiskill.sensors.framing import FAR_M, WorldCameraConfig, orbit_camera
+from artiskill.sensors.render_config import RenderConfig, load_render_config
+from artiskill.sensors.renderer import Images, Renderer
 from artiskill.sensors.triangle_soup import BodyVisual
 from artiskill.sim.snapshot import Snapshot
 
-_WIDTH, _HEIGHT = 640, 480
-_EYE_W_M = (-1.85, -1.80, 1.20)  # beside the arm, so that robot, hand and handle are all seen
-_TARGET_W_M = (-0.80, 0.24, 0.42)
-_FOV_RAD = math.radians(45)
-_FAR_M = 60.0  # the floor runs to the horizon
+WIDTH, HEIGHT = 640, 480
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """Where the world camera stands; what is None stays as the usual camera has it.
+
+    Attributes:
+        azimuth_deg: direction in which it stands, seen from its target, counter-clockwise from +x.
+        elevation_deg: its height above the horizon, [-90, 90].
+        distance_m: to the target.
+        target_w: (x, y, z), the middle of the picture, metres.
+    """
+
+    azimuth_deg: float | None = None
+    elevation_deg: float | None = None
+    distance_m: float | None = None
+    target_w: tuple[float, float, float] | None = None
+
+    def camera(self, home: WorldCameraConfig, width: int = WIDTH, height: int = HEIGHT) -> Camera:
+        """The camera; `home` is the usual one.
+
+        Raises:
+            ConfigError: a value out of range or not finite.
+        """
+        x, y, z = (eye - target for eye, target in zip(home.eye_w_m, home.target_w_m, strict=True))
+        if self == Viewpoint():
+            fov_rad, far_m = math.radians(home.fov_deg), max(FAR_M, 2 * math.hypot(x, y, z))
+            return Camera.look_at(
+                home.eye_w_m, home.target_w_m, width=width, height=height, fov_rad=fov_rad, far_m=far_m
+            )
+        return orbit_camera(
+            target_w=home.target_w_m if self.target_w is None else self.target_w,
+            distance_m=math.hypot(x, y, z) if self.distance_m is None else self.distance_m,
+            azimuth_deg=math.degrees(math.atan2(y, x)) if self.azimuth_deg is None else self.azimuth_deg,
+            elevation_deg=(
+                math.degrees(math.atan2(z, math.hypot(x, y))) if self.elevation_deg is None else self.elevation_deg
+            ),
+            width=width,
+            height=height,
+            fov_deg=home.fov_deg,
+        )
 
 
 class WorldView:
     """Draws one scene from a fixed camera; built once per object."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, camera: Camera, config: RenderConfig | None = None) -> None:
+        """Build the renderer.
+
+        Args:
+            scene: what is drawn.
+            camera: from where.
+            config: how; by default as pictures for people.
+        """
         visuals = [BodyVisual(body, visual) for body, visual in scene.visuals]
-        self._renderer = Renderer(visuals, load_render_config())
-        self._camera: Camera = Camera.look_at(
-            _EYE_W_M, _TARGET_W_M, width=_WIDTH, height=_HEIGHT, fov_rad=_FOV_RAD, far_m=_FAR_M
-        )
+        self._renderer = Renderer(visuals, config or load_render_config())
+        self._camera = camera
 
     def draw(self, snapshot: Snapshot) -> np.ndarray:
-        """The first environment of a snapshot, (480, 640, 3) uint8."""
-        images = self._renderer.render(
-            snapshot.body_position_w[0], snapshot.body_quaternion_w[0], (self._camera,), ("rgb",)
+        """The first environment of a snapshot, (H, W, 3) uint8."""
+        return self.images(snapshot, ("rgb",)).rgb[0]
+
+    def images(self, snapshot: Snapshot, channels: tuple[str, ...]) -> Images:
+        """Channels of the first environment's picture, see `sensors.images.CHANNELS`; (1, H, W, ...) each."""
+        return self._renderer.render(
+            snapshot.body_position_w[0], snapshot.body_quaternion_w[0], (self._camera,), channels
         )
-        return images.rgb[0]

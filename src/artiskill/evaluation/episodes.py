@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.errors import ConfigError
 from artiskill.evaluation.policies import Actor
 
 
@@ -63,3 +64,29 @@ def run_episode(
         length=steps,
         flags=dict(info["flags"]),
     )
+
+
+def play_steps(env: ManipulationEnv, actor: Actor | None, level: int, steps: int) -> None:
+    """Play a level's first steps; the environment is left there.
+
+    Args:
+        env: as in `run_episode`.
+        actor: who acts; None where nobody does, for 0 steps.
+        level: which episode.
+        steps: how many.
+
+    Raises:
+        ConfigError: a negative number, or the episode is over before.
+        PolicyError: the policy raises or returns no legal action.
+    """
+    if steps < 0:
+        raise ConfigError(f"the number of steps must not be negative, not {steps}")
+    observation, info = env.reset(options={"level": level})
+    if steps == 0 or actor is None:
+        return
+    actor.reset(env, observation, info)
+    for step in range(1, steps + 1):
+        observation, _, terminated, truncated, info = env.step(actor.act(env, observation))
+        if (terminated or truncated) and step < steps:
+            how = "solved" if info["success"] else "cut off"
+            raise ConfigError(f"step {steps} does not exist: the episode is {how} after {step} steps")

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.catalog import load_object, object_id_of, read_catalog, resolve_objects
+from artiskill.assets.catalog import load_object, object_id_of, resolve_objects
+from artiskill.assets.entries import read_catalog
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
 from artiskill.errors import AssetError, ConfigError, PolicyError
 from artiskill.evaluation.policies import POLICY_NAMES, load_policy

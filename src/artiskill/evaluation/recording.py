@@ -21,9 +21,9 @@ from artiskill.evaluation.time_limit import TimedActor
 from artiskill.evaluation.video import caption, write_video
 from artiskill.tasks.open_cabinet.goal import OpenGoal
 
-_STEPS_PER_FRAME = 2
-_FRAMES_PER_S = 10.0  # with 20 environment steps per second, as fast as life
-_LAST_FRAME_S = 1.0
+STEPS_PER_FRAME = 2
+FRAMES_PER_S = 10.0  # with 20 environment steps per second, as fast as life
+LAST_FRAME_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def record_video(
     )
     frames = [frame for strip in strips for frame in strip]
     try:
-        return write_video(path, frames, _FRAMES_PER_S)
+        return write_video(path, frames, FRAMES_PER_S)
     except OSError as error:
         raise ConfigError(f"cannot write the video {str(path)!r}: {error.strerror or error}") from error
 
@@ -90,25 +90,25 @@ def check_video(path: Path | str, count: int = 1) -> None:
         raise ConfigError(f"cannot write the video {str(path)!r}: it is a folder")
     check_folder(path.parent)
     with tempfile.TemporaryDirectory() as folder:  # the writer itself knows best what it can write
-        write_video(Path(folder) / path.name, [np.zeros((16, 16, 3), np.uint8)], _FRAMES_PER_S)
+        write_video(Path(folder) / path.name, [np.zeros((16, 16, 3), np.uint8)], FRAMES_PER_S)
 
 
 def _record(batch: EpisodeBatch, tell: Callable[[Any], None], limit_s: float | None = None) -> list[np.ndarray]:
     frames: list[np.ndarray] = []
 
     def watch(env: ManipulationEnv, steps: int, done: bool) -> None:
-        if done or steps % _STEPS_PER_FRAME == 0:
-            frames.append(caption(env.render(), _caption(env, done)))
+        if done or steps % STEPS_PER_FRAME == 0:
+            frames.append(caption(env.render(), episode_caption(env, done)))
             tell(FrameDrawn(steps, done))
 
     actor = load_policy(batch.policy)
     if limit_s is not None:
         actor = TimedActor(actor, limit_s, tell)
     run_episode(batch.make_env("rgb_array"), actor, batch.levels[0], watch)
-    return frames + [frames[-1]] * round(_LAST_FRAME_S * _FRAMES_PER_S)
+    return frames + [frames[-1]] * round(LAST_FRAME_S * FRAMES_PER_S)
 
 
-def _caption(env: ManipulationEnv, done: bool) -> str:
+def episode_caption(env: ManipulationEnv, done: bool) -> str:
     """Object, target, how far open, and how it ended."""
     state = env.save_state()
     parts = [state.object, state.target]
