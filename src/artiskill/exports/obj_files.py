@@ -1,0 +1,196 @@
+"""Surfaces of an object as Wavefront OBJ and MTL with PNG textures, for MJCF and URDF alike.
+
+Programs disagree on what a colour beside a texture means. A texture is therefore written with the colour
+multiplied in, and its material is white.
+"""
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from artiskill.assets.articulated_object import ArticulatedObject, Material, VisualMesh
+from artiskill.assets.finishes import srgb_to_linear
+from artiskill.geometry.meshes import TriMesh
+from artiskill.sensors.normals import corner_normals
+
+MATERIALS_FILE = "materials.mtl"
+_CREASE_RAD = math.radians(40)  # rounder edges than this look smooth
+_PHONG_EXPONENT = 200.0  # of a polished surface; the importer divides by the same number
+_WHITE = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class FileMaterial:
+    """A material as files hold it.
+
+    Attributes:
+        name: unique within the export; letters, digits and `_`.
+        srgb: display colour, three numbers in [0, 1].
+        alpha: opacity in [0, 1].
+        shininess: as in `Material`.
+        texture: (H, W, 3) uint8 sRGB with the colour multiplied in, or None.
+    """
+
+    name: str
+    srgb: tuple[float, float, float]
+    alpha: float
+    shininess: float
+    texture: np.ndarray | None
+
+    @property
+    def texture_file(self) -> str:
+        """Name of the image's file."""
+        return f"{self.name}.png"
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceFile:
+    """One drawn surface: the index of its link, its file's name without ending, what it is made of."""
+
+    link: int
+    stem: str
+    visual: VisualMesh
+    material: FileMaterial
+
+
+def surface_files(obj: ArticulatedObject) -> tuple[SurfaceFile, ...]:
+    """Every drawn surface that has faces, with names for files; equal materials are one."""
+    materials: dict[tuple[object, ...], FileMaterial] = {}
+    files = []
+    for index, link in enumerate(obj.links):
+        drawn = [visual for visual in link.visuals if len(visual.mesh.faces)]
+        for number, visual in enumerate(drawn):
+            key = _material_key(visual.material)
+            if key not in materials:
+                materials[key] = _file_material(visual.material, len(materials))
+            stem = "-".join(safe_name(word) for word in (link.name, str(number), visual.part) if word)
+            files.append(SurfaceFile(index, stem, visual, materials[key]))
+    return tuple(files)
+
+
+def write_surfaces(files: tuple[SurfaceFile, ...], folder: Path, meshes: str, textures: str) -> None:
+    """Write one OBJ file per surface, one MTL file for all, and the textures.
+
+    Args:
+        files: the surfaces.
+        folder: the export's.
+        meshes: name of its sub-folder for OBJ and MTL files.
+        textures: name of its sub-folder for images.
+    """
+    for name in (meshes, textures):
+        (folder / name).mkdir(exist_ok=True)
+    for file in files:
+        text = obj_text(file.visual.mesh, file.material.name)
+        (folder / meshes / f"{file.stem}.obj").write_text(text, encoding="utf-8")
+    materials = distinct_materials(files)
+    lines = [line for material in materials for line in _mtl_lines(material, f"../{textures}")]
+    (folder / meshes / MATERIALS_FILE).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    for material in materials:
+        if material.texture is not None:
+            _write_png(folder / textures / material.texture_file, material.texture)
+
+
+def distinct_materials(files: tuple[SurfaceFile, ...]) -> list[FileMaterial]:
+    """Each material once, in order of first use."""
+    return list({file.material.name: file.material for file in files}.values())
+
+
+def obj_text(mesh: TriMesh, material: str | None = None) -> str:
+    """A mesh as OBJ; with a material, also normals that keep its creases, and its texture coordinates."""
+    lines = [f"v {_numbers(vertex)}" for vertex in mesh.vertices.tolist()]
+    if material is None:
+        corners: Iterator[tuple[str, ...]] = _plain_corners(mesh)
+    else:
+        normals, index = _distinct_normals(mesh)
+        lines = [f"mtllib {MATERIALS_FILE}", *lines, *(f"vn {_numbers(normal)}" for normal in normals.tolist())]
+        if mesh.uvs is not None:
+            lines += [f"vt {_numbers(uv)}" for uv in mesh.uvs.tolist()]
+        lines.append(f"usemtl {material}")
+        corners = _drawn_corners(mesh, index)
+    lines += ["f " + " ".join(corner) for corner in corners]
+    return "\n".join(lines) + "\n"
+
+
+def smooth_mesh(mesh: TriMesh) -> tuple[TriMesh, np.ndarray]:
+    """A mesh whose vertices have one normal each, (V, 3): those on a crease are doubled."""
+    normals, index = _distinct_normals(mesh)
+    corners = np.stack((mesh.faces, index), axis=-1).reshape(-1, 2)
+    pairs, faces = np.unique(corners, axis=0, return_inverse=True)
+    uvs = None if mesh.uvs is None else mesh.uvs[pairs[:, 0]]
+    return TriMesh(mesh.vertices[pairs[:, 0]], faces.reshape(-1, 3), uvs), normals[pairs[:, 1]]
+
+
+def safe_name(text: str) -> str:
+    """The text with every character that a file or XML name could stumble over replaced by `_`."""
+    return re.sub(r"[^A-Za-z0-9_.]", "_", text)
+
+
+def _plain_corners(mesh: TriMesh) -> Iterator[tuple[str, ...]]:
+    for face in (mesh.faces + 1).tolist():
+        yield tuple(str(i) for i in face)
+
+
+def _drawn_corners(mesh: TriMesh, normal_index: np.ndarray) -> Iterator[tuple[str, ...]]:
+    for face, normals in zip((mesh.faces + 1).tolist(), (normal_index + 1).tolist(), strict=True):
+        if mesh.uvs is None:
+            yield tuple(f"{v}//{n}" for v, n in zip(face, normals, strict=True))
+        else:
+            yield tuple(f"{v}/{v}/{n}" for v, n in zip(face, normals, strict=True))
+
+
+def _distinct_normals(mesh: TriMesh) -> tuple[np.ndarray, np.ndarray]:
+    """Normals (N, 3) to four digits, and which of them each corner has, (F, 3)."""
+    rounded = np.round(corner_normals(mesh, _CREASE_RAD), 4).reshape(-1, 3) + 0.0
+    normals, index = np.unique(rounded, axis=0, return_inverse=True)
+    return normals, index.reshape(-1, 3)
+
+
+def _numbers(values: list[float]) -> str:
+    return " ".join(format(value + 0.0, ".9g") for value in values)  # + 0.0: no negative zeros
+
+
+def _material_key(material: Material) -> tuple[object, ...]:
+    texture = material.texture
+    image = None if texture is None else (texture.shape, np.ascontiguousarray(texture).tobytes())
+    return material.rgba, material.shininess, image
+
+
+def _file_material(material: Material, number: int) -> FileMaterial:
+    name = f"{safe_name(material.name) or 'material'}_{number}"
+    linear = np.array(material.rgba[:3], dtype=float)
+    alpha = float(material.rgba[3])
+    if material.texture is None:
+        red, green, blue = (round(float(v), 6) for v in linear_to_srgb(linear))
+        return FileMaterial(name, (red, green, blue), alpha, material.shininess, None)
+    baked = np.round(255 * linear_to_srgb(srgb_to_linear(material.texture) * linear)).astype(np.uint8)
+    return FileMaterial(name, _WHITE, alpha, material.shininess, baked)
+
+
+def linear_to_srgb(linear: np.ndarray) -> np.ndarray:
+    """Encode linear intensities 0..1 as sRGB 0..1 (IEC 61966-2-1)."""
+    c = np.clip(linear, 0.0, 1.0)
+    return np.where(c <= 0.0031308, c * 12.92, 1.055 * c ** (1 / 2.4) - 0.055)
+
+
+def _mtl_lines(material: FileMaterial, textures: str) -> list[str]:
+    lines = [
+        f"newmtl {material.name}",
+        "illum 2",
+        f"Kd {_numbers(list(material.srgb))}",
+        f"Ks {_numbers([0.5 * material.shininess] * 3)}",
+        f"Ns {format(_PHONG_EXPONENT * material.shininess, '.6g')}",
+        f"d {format(material.alpha, '.6g')}",
+    ]
+    if material.texture is not None:
+        lines.append(f"map_Kd {textures}/{material.texture_file}")
+    return [*lines, ""]
+
+
+def _write_png(path: Path, image: np.ndarray) -> None:
+    from PIL import Image
+
+    Image.fromarray(image).save(path, format="PNG")

@@ -1,0 +1,191 @@
+"""An object as a folder of URDF laid out like PartNet-Mobility's, so that our importer and its tools read it.
+
+`mobility.urdf` has named visuals (`handle-15`), `semantics.txt` a line per link, `meta.json` the category. Lengths
+are metres and z is up; `meta.json` says so to our importer, which then neither scales nor moves the object. What
+URDF cannot say is left out: springs, and that chairs and buckets stand free.
+"""
+
+import json
+import math
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+
+from artiskill.assets.articulated_object import ArticulatedObject, Category, CollisionShape, Joint, Link
+from artiskill.assets.handles import is_handle_part
+from artiskill.exports.engine_values import Inertial, engine_values
+from artiskill.exports.obj_files import SurfaceFile, obj_text, surface_files, write_surfaces
+from artiskill.exports.xml_text import add, numbers, write_xml
+from artiskill.geometry.hulls import convex_hull
+from artiskill.geometry.rotations import quat_rotate, quat_to_matrix
+from artiskill.scene.physics import PhysicsConfig
+
+URDF_FILE = "mobility.urdf"
+MODEL_CATEGORIES: dict[Category, str] = {"cabinet": "StorageFurniture", "chair": "Chair", "bucket": "Bucket"}
+_MESHES, _TEXTURES = "textured_objs", "images"
+# URDF demands them of every limited joint; high enough never to matter
+_EFFORT, _VELOCITY = 1000.0, 100.0
+_STILL = np.array((1.0, 0.0, 0.0, 0.0))
+
+
+def write_urdf(obj: ArticulatedObject, folder: Path) -> Path:
+    """Write the object into an empty folder and return the URDF file."""
+    files = surface_files(obj)
+    write_surfaces(files, folder, _MESHES, _TEXTURES)
+    labels = _part_labels(obj, files)
+    inertials = engine_values(obj, PhysicsConfig()).inertials
+    root = ET.Element("robot", name=obj.id)
+    # for MuJoCo, which reads URDF and would drop folders; it takes no flat surfaces; others skip the element
+    compiler = {"strippath": "false", "discardvisual": "true", "fusestatic": "false"}
+    add(add(root, "mujoco"), "compiler", **compiler)
+    for index, link in enumerate(obj.links):
+        element = add(root, "link", name=link.name)
+        shift = -_origin(link)
+        _add_inertial(element, inertials[index], shift)
+        for file, label in zip(files, labels, strict=True):
+            if file.link == index:
+                _add_visual(element, file, label, shift)
+        for number, shape in enumerate(link.collisions):
+            _add_collision(element, f"{link.name}_shape{number}", shape, shift, folder)
+    for link in obj.links[1:]:
+        _add_joint(root, link, obj.links[link.parent])
+    write_xml(root, folder / URDF_FILE)
+    _write_annotations(obj, folder)
+    return folder / URDF_FILE
+
+
+def rpy(quaternion: np.ndarray) -> tuple[float, float, float]:
+    """Roll, pitch and yaw about the fixed x, y, z axes of a rotation (4,)."""
+    m = quat_to_matrix(np.asarray(quaternion, dtype=float))
+    across = math.hypot(m[0, 0], m[1, 0])
+    pitch = math.atan2(-m[2, 0], across)
+    if across < 1e-9:  # looking straight up or down: only the difference of roll and yaw is determined
+        return math.atan2(-m[1, 2], m[1, 1]), pitch, 0.0
+    return math.atan2(m[2, 1], m[2, 2]), pitch, math.atan2(m[1, 0], m[0, 0])
+
+
+def _origin(link: Link) -> np.ndarray:
+    """Where URDF's frame of the link sits in ours: URDF has it on the joint's axis."""
+    return np.zeros(3) if link.joint is None else np.asarray(link.joint.origin, dtype=float)
+
+
+def _add_origin(element: ET.Element, position: np.ndarray, quaternion: np.ndarray = _STILL) -> None:
+    add(element, "origin", xyz=numbers(position), rpy=numbers(rpy(quaternion)))
+
+
+def _add_inertial(link: ET.Element, inertial: Inertial, shift: np.ndarray) -> None:
+    if inertial.mass_kg <= 0:
+        return
+    element = add(link, "inertial")
+    _add_origin(element, inertial.position + shift, inertial.quaternion)
+    add(element, "mass", value=numbers([inertial.mass_kg]))
+    moments = {f"i{axis}{axis}": numbers([m]) for axis, m in zip("xyz", inertial.moments_kg_m2, strict=True)}
+    add(element, "inertia", **moments, ixy=0, ixz=0, iyz=0)
+
+
+def _add_visual(link: ET.Element, file: SurfaceFile, label: str, shift: np.ndarray) -> None:
+    element = add(link, "visual", name=label)
+    _add_origin(element, shift)
+    add(add(element, "geometry"), "mesh", filename=f"{_MESHES}/{file.stem}.obj")
+
+
+def _add_collision(link: ET.Element, name: str, shape: CollisionShape, shift: np.ndarray, folder: Path) -> None:
+    """A shape; URDF has no capsule, so that one is a cylinder and two spheres."""
+    centre = np.asarray(shape.position, dtype=float) + shift
+    if shape.kind == "box":
+        geometry = _collision_at(link, centre, shape.quaternion)
+        add(geometry, "box", size=numbers(2 * s for s in shape.size))
+    elif shape.kind == "sphere":
+        add(_collision_at(link, centre), "sphere", radius=numbers(shape.size[:1]))
+    elif shape.kind == "hull":
+        assert shape.vertices is not None
+        file = f"{_MESHES}/{name}.obj"
+        (folder / file).write_text(obj_text(convex_hull(shape.vertices).mesh), encoding="utf-8")
+        add(_collision_at(link, centre, shape.quaternion), "mesh", filename=file)
+    else:
+        radius, half = shape.size
+        geometry = _collision_at(link, centre, shape.quaternion)
+        add(geometry, "cylinder", radius=numbers([radius]), length=numbers([2 * half]))
+        for side in (-half, half) if shape.kind == "capsule" else ():
+            cap = quat_rotate(np.asarray(shape.quaternion, dtype=float), np.array((0.0, 0.0, side)))
+            add(_collision_at(link, centre + cap), "sphere", radius=numbers([radius]))
+
+
+def _collision_at(link: ET.Element, centre: np.ndarray, quaternion: np.ndarray = _STILL) -> ET.Element:
+    element = add(link, "collision")
+    _add_origin(element, centre, quaternion)
+    return add(element, "geometry")
+
+
+def _add_joint(root: ET.Element, link: Link, parent: Link) -> None:
+    joint = link.joint
+    name = f"{link.name}_fixed" if joint is None else joint.name
+    element = add(root, "joint", name=name, type=_joint_type(joint))
+    place = np.asarray(link.position, dtype=float) + quat_rotate(np.asarray(link.quaternion, float), _origin(link))
+    _add_origin(element, place - _origin(parent), link.quaternion)
+    add(element, "parent", link=parent.name)
+    add(element, "child", link=link.name)
+    if joint is None:
+        return
+    add(element, "axis", xyz=numbers(joint.axis))
+    add(element, "dynamics", damping=0, friction=0)
+    if np.isfinite(joint.limits).all():
+        lower, upper = (numbers([limit]) for limit in joint.limits)
+        add(element, "limit", lower=lower, upper=upper, effort=numbers([_EFFORT]), velocity=numbers([_VELOCITY]))
+
+
+def _joint_type(joint: Joint | None) -> str:
+    if joint is None:
+        return "fixed"
+    if joint.kind == "revolute" and not np.isfinite(joint.limits).all():
+        return "continuous"
+    return joint.kind
+
+
+def _part_labels(obj: ArticulatedObject, files: tuple[SurfaceFile, ...]) -> list[str]:
+    """`<part>-<number>` per surface: the same number for all surfaces of one handle, else one each."""
+    first = len(obj.handles)
+    return [
+        f"{file.visual.part or 'part'}-{_handle_number(obj, file) if _is_handle(obj, file) else first + k}"
+        for k, file in enumerate(files)
+    ]
+
+
+def _is_handle(obj: ArticulatedObject, file: SurfaceFile) -> bool:
+    return is_handle_part(file.visual.part) and bool(obj.handles_of(obj.links[file.link].name))
+
+
+def _handle_number(obj: ArticulatedObject, file: SurfaceFile) -> int:
+    """Which of the object's handles the surface belongs to: the nearest one of its link."""
+    middle = file.visual.mesh.bounds.mean(axis=0)
+    own = [k for k, handle in enumerate(obj.handles) if handle.link == obj.links[file.link].name]
+    return min(own, key=lambda k: float(np.linalg.norm(obj.handles[k].points.mean(axis=0) - middle)))
+
+
+def _write_annotations(obj: ArticulatedObject, folder: Path) -> None:
+    meta = {
+        "model_cat": MODEL_CATEGORIES[obj.category],
+        "anno_id": obj.id,
+        "artiskill": {"scale": 1.0, "origin": [0.0, 0.0, 0.0]},
+    }
+    (folder / "meta.json").write_text(json.dumps(meta, indent=2) + "\n", encoding="utf-8")
+    lines = [f"{link.name} {_semantic_joint(obj, link)} {_semantic_name(link)}" for link in obj.links]
+    (folder / "semantics.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _semantic_joint(obj: ArticulatedObject, link: Link) -> str:
+    """The data set's words for how a link moves."""
+    if link.parent < 0:
+        return "heavy" if obj.category == "cabinet" else "free"
+    if link.joint is None:
+        return "static"
+    return "slider" if link.joint.kind == "prismatic" else "hinge"
+
+
+def _semantic_name(link: Link) -> str:
+    """What the link is: the part with most faces that is no handle."""
+    parts = [v for v in link.visuals if v.part and not is_handle_part(v.part)]
+    if link.parent < 0 or not parts:
+        return "body"
+    return max(parts, key=lambda visual: len(visual.mesh.faces)).part

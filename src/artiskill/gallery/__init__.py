@@ -1,0 +1,1 @@
+"""A page to browse objects, contact sheets of them, and statistics over their splits."""

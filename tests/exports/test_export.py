@@ -1,0 +1,83 @@
+"""Folders of exports: complete or absent, and never someone else's."""
+
+import json
+
+import pytest
+
+from artiskill.errors import AssetError, ConfigError, UnknownNameError
+from artiskill.exports import mjcf
+from artiskill.exports.export import FORMATS, export_object
+from artiskill.exports.folders import MARKER
+
+
+@pytest.mark.parametrize("kind", ["mjcf", "urdf"])
+def test_exports_are_the_same_each_time(kind, odd_chair, tmp_path):
+    first, second = (export_object(odd_chair, kind, tmp_path / name).parent for name in "ab")
+    files = sorted(path.relative_to(first) for path in first.rglob("*") if path.is_file())
+    assert files == sorted(path.relative_to(second) for path in second.rglob("*") if path.is_file())
+    for file in files:
+        assert (first / file).read_bytes() == (second / file).read_bytes(), file
+
+
+def test_the_folder_says_what_it_is(odd_chair, tmp_path):
+    export_object(odd_chair, "mjcf", tmp_path / "out")
+    marker = json.loads((tmp_path / "out" / MARKER).read_text())
+    assert (marker["object"], marker["format"]) == ("odd-chair", "mjcf")
+    assert marker["content_hash"] == odd_chair.content_hash
+
+
+def test_nothing_outside_is_mentioned(odd_chair, tmp_path):
+    for kind in ("mjcf", "urdf"):
+        folder = export_object(odd_chair, kind, tmp_path / kind).parent
+        for path in folder.rglob("*"):
+            if path.is_file() and path.suffix != ".png":
+                assert str(tmp_path) not in path.read_text(), path
+
+
+def test_an_earlier_export_is_replaced(odd_chair, tmp_path):
+    export_object(odd_chair, "mjcf", tmp_path / "out")
+    export_object(odd_chair, "urdf", tmp_path / "out")
+    assert not (tmp_path / "out" / "odd-chair.xml").exists()
+    assert [path.name for path in tmp_path.iterdir()] == ["out"], "no temporary folder is left"
+
+
+def test_a_foreign_folder_is_left_alone_unless_forced(odd_chair, tmp_path):
+    foreign = tmp_path / "out" / "thesis.tex"
+    foreign.parent.mkdir()
+    foreign.write_text("years of work")
+    with pytest.raises(ConfigError, match=r"thesis\.tex.*--force"):
+        export_object(odd_chair, "mjcf", tmp_path / "out")
+    assert foreign.read_text() == "years of work"
+    export_object(odd_chair, "mjcf", tmp_path / "out", force=True)
+    assert not foreign.exists()
+
+
+def test_an_empty_folder_is_used(odd_chair, tmp_path):
+    (tmp_path / "out").mkdir()
+    assert export_object(odd_chair, "mjcf", tmp_path / "out").is_file()
+
+
+def test_a_file_is_never_replaced(odd_chair, tmp_path):
+    (tmp_path / "out").write_text("mine")
+    with pytest.raises(ConfigError, match="a file or link"):
+        export_object(odd_chair, "mjcf", tmp_path / "out", force=True)
+
+
+def test_a_failure_leaves_the_earlier_export(odd_chair, tmp_path, monkeypatch):
+    path = export_object(odd_chair, "mjcf", tmp_path / "out")
+    before = path.read_bytes()
+
+    def fail(*_: object) -> None:
+        raise AssetError("stopped")
+
+    monkeypatch.setattr(mjcf, "engine_values", fail)
+    with pytest.raises(AssetError, match="stopped"):
+        export_object(odd_chair, "mjcf", tmp_path / "out")
+    assert path.read_bytes() == before
+    assert [found.name for found in tmp_path.iterdir()] == ["out"]
+
+
+def test_formats_are_named(odd_chair, tmp_path):
+    with pytest.raises(UnknownNameError, match="did you mean 'urdf'"):
+        export_object(odd_chair, "urdfs", tmp_path / "out")
+    assert FORMATS == ("mjcf", "urdf", "glb")

@@ -1,0 +1,78 @@
+"""The exported glTF, read back by the library that wrote it."""
+
+import json
+import struct
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from artiskill.errors import MissingExtraError
+from artiskill.exports.export import export_object
+from artiskill.exports.obj_files import smooth_mesh
+from artiskill.geometry.meshes import box
+
+
+def header(path: Path) -> dict:
+    """The JSON part of a binary glTF file."""
+    data = path.read_bytes()
+    magic, version, length = struct.unpack_from("<4sII", data)
+    assert (magic, version, length) == (b"glTF", 2, len(data))
+    size, kind = struct.unpack_from("<I4s", data, 12)
+    assert kind == b"JSON"
+    return json.loads(data[20 : 20 + size])
+
+
+def test_surfaces_stand_where_they_should(odd_chair, tmp_path):
+    trimesh = pytest.importorskip("trimesh", reason="needs the extra `export`")
+    path = export_object(odd_chair, "glb", tmp_path / "out")
+    lower, upper = trimesh.load_scene(path).bounds
+    # object x, y, z are -z, -x, y in glTF
+    low, high = odd_chair.bounds
+    np.testing.assert_allclose(lower, (-high[1], low[2], -high[0]), atol=1e-5)
+    np.testing.assert_allclose(upper, (-low[1], high[2], -low[0]), atol=1e-5)
+
+
+def test_nodes_tell_the_joints(odd_chair, tmp_path):
+    pytest.importorskip("trimesh", reason="needs the extra `export`")
+    tree = header(export_object(odd_chair, "glb", tmp_path / "out"))
+    nodes = {node["name"]: node for node in tree["nodes"]}
+    assert nodes["object"]["extras"] == {"id": "odd-chair", "category": "chair"}
+    children = {tree["nodes"][i]["name"] for i in nodes["base"]["children"]}
+    assert {"lift", "wheel"} <= children
+    joint = nodes["seat"]["extras"]["joint"]
+    assert joint["name"] == "seat_tilt"
+    assert joint["limits"] == [-0.2, 0.3]
+    assert joint["value"] == -0.2
+    assert joint["stiffness"] == 40
+    assert nodes["wheel"]["extras"]["joint"]["limits"] == [None, None]
+
+
+def test_materials_and_textures_are_inside(odd_chair, tmp_path):
+    pytest.importorskip("trimesh", reason="needs the extra `export`")
+    tree = header(export_object(odd_chair, "glb", tmp_path / "out"))
+    assert len(tree["materials"]) == 3
+    assert len(tree["images"]) == 1
+    assert "bufferView" in tree["images"][0], "embedded, not a file beside it"
+    modes = sorted(material.get("alphaMode", "OPAQUE") for material in tree["materials"])
+    assert modes == ["BLEND", "OPAQUE", "OPAQUE"]
+
+
+def test_the_same_bytes_each_time(odd_chair, tmp_path):
+    pytest.importorskip("trimesh", reason="needs the extra `export`")
+    first, second = (export_object(odd_chair, "glb", tmp_path / name) for name in "ab")
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_without_the_library_it_says_what_to_install(odd_chair, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'artiskill\[export\]'"):
+        export_object(odd_chair, "glb", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_creases_double_vertices():
+    mesh, normals = smooth_mesh(box((1, 1, 1)))
+    assert len(mesh.vertices) == len(normals) == 24, "each corner of a box has three normals"
+    assert len(mesh.faces) == 12
