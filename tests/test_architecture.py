@@ -18,13 +18,13 @@ SOURCE = ROOT / "src" / "artiskill"
 # Each room may use itself and the rooms before it.
 ROOMS = (
     *("errors", "config", "geometry", "assets", "robots", "scene", "sim", "sensors", "tasks", "envs"),
-    *("experts", "demos", "learning", "evaluation", "viewer", "cli"),
+    *("checks", "exports", "experts", "demos", "learning", "evaluation", "gallery", "viewer", "cli"),
 )
 # The doors of the package: they see every room, no room sees them.
 DOORS = ("__init__", "__main__")
 
 # The engine has three owners: who builds the robot's part of a model, who builds the model, who steps it.
-ENGINE_ROOMS = {"robots", "scene", "sim"}
+ENGINE_ROOMS = {"robots", "scene", "sim", "checks", "exports"}
 # These see the simulation as plain values only.
 VALUE_ROOMS = {"sensors", "tasks", "experts"}
 SIM_VALUES = ("artiskill.sim.snapshot", "artiskill.sim.states")

@@ -1,20 +1,33 @@
-"""The objects that the contract runs over: a sample in `make test`, all of them in `make test-slow`."""
+"""The tasks and objects that the contract runs over: a sample in `make test`, all of them in `make test-slow`."""
 
 import pytest
 
 from artiskill.assets.catalog import list_objects
+from artiskill.tasks.registry import task_names
 
-# a training and a test cabinet, and one that is in no catalogue
+
+def first(task: str, split: str) -> str:
+    return list_objects(split=split, task=task)[0]
+
+
+# of each task an object that policies train on or one that they never see, and some that are in no catalogue
 SAMPLE = (
-    *list_objects(split="train", task="OpenCabinetDrawer")[:1],
-    *list_objects(split="test", task="OpenCabinetDrawer")[:1],
-    "generated:7",
+    ("OpenCabinetDrawer", first("OpenCabinetDrawer", "train")),
+    ("OpenCabinetDrawer", first("OpenCabinetDrawer", "test")),
+    ("OpenCabinetDrawer", "generated:8"),
+    ("OpenCabinetDoor", first("OpenCabinetDoor", "test")),
+    ("PushChair", first("PushChair", "train")),
+    ("PushChair", "generated:2"),
+    ("MoveBucket", first("MoveBucket", "train")),
+    ("MoveBucket", first("MoveBucket", "ood")),
 )
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Tests that take `object_id` run over the sample, and over the rest of the catalogue when slow ones run."""
+    """Tests that take `task` and `object_id` run over the sample, and over all else when slow ones run."""
     if "object_id" in metafunc.fixturenames:
-        rest = [i for i in list_objects(task="OpenCabinetDrawer") if i not in SAMPLE]
-        slow = [pytest.param(i, marks=pytest.mark.slow) for i in rest]
-        metafunc.parametrize("object_id", [*SAMPLE, *slow])
+        every = [
+            (t, i) for t in task_names() for split in ("all", "ood") for i in list_objects(split=split, task=t)
+        ]
+        rest = [pytest.param(*case, marks=pytest.mark.slow) for case in every if case not in SAMPLE]
+        metafunc.parametrize(("task", "object_id"), [*SAMPLE, *rest])
