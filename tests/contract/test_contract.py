@@ -409,7 +409,7 @@ def test_expert_solves_it_and_stages_are_ordered(task: str, object_id: str) -> N
 
 
 def test_wild_states_keep_the_order_of_stages(task: str, object_id: str) -> None:
-    """Rewards of states that random actions reach, with the object put anywhere, fall into their stage's range."""
+    """Rewards of states that random actions reach fall into the range of their stage."""
     env = make_env(task, object_id)
     bonus = np.append(env.task.config.reward.stage_bonus, np.inf)
     for level in range(5):
