@@ -119,3 +119,18 @@ def test_weights_that_break_the_order_are_refused(
 ) -> None:
     with pytest.raises(ConfigError, match=message):
         TOY.check_weights(bonus, weights)
+
+
+@pytest.mark.parametrize(
+    ("name", "table", "bonus", "weights"), tables(), ids=lambda v: v if type(v) is str else ""
+)
+def test_the_kernel_does_what_the_array_calls_say(
+    name: str, table: StageTable, bonus: Sequence[float], weights: dict[str, float]
+) -> None:
+    rng = np.random.default_rng(5)
+    measured, stage = random_measures(table, 500, rng), rng.integers(0, len(table.stages), 500)
+    found = table.evaluate(measured, stage, bonus)
+    np.testing.assert_allclose(
+        np.stack(list(found.values()), axis=1), table.by_array_calls(measured, stage, bonus), atol=1e-12
+    )
+    assert tuple(found) == (*table.terms, STAGE_TERM)

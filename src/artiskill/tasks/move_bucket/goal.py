@@ -7,6 +7,7 @@ import numpy as np
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.geometry.arrays import Array, namespace
 from artiskill.sim.snapshot import Snapshot
+from artiskill.tasks.move_bucket.outline import body_outline
 from artiskill.tasks.surface import surface_samples
 
 
@@ -20,6 +21,9 @@ class BucketGoal:
         point_link: (B, P) index of that link.
         box: (B, 2, 3) smallest and largest corner of the bucket's body, without its bail, in its own frame.
         start_height: (B,) of the box's middle above the ground while the bucket stands there, m.
+        outline_height: (B, Z) heights in the root's frame at which its outline is known, m.
+        outline: (B, Z, D) how far the body reaches out from the root's z axis there, m; D directions evenly around
+            the axis, from the root's +x on. Controllers read both; rewards and success do not.
     """
 
     row: Array
@@ -27,6 +31,8 @@ class BucketGoal:
     point_link: Array
     box: Array
     start_height: Array
+    outline_height: Array
+    outline: Array
 
 
 def body_box(obj: ArticulatedObject) -> np.ndarray:
@@ -39,7 +45,11 @@ def make_bucket_goal(obj: ArticulatedObject, target: str) -> BucketGoal:
     """The goal of moving a bucket, with B = 1; `target` is its root."""
     points, link = surface_samples(obj)
     box = body_box(obj)
-    return BucketGoal(np.array([0]), points[None], link[None], box[None], box[:, 2].mean()[None])
+    heights, outline = body_outline(obj, float(box[0, 2]), float(box[1, 2]))
+    middle = box[:, 2].mean()
+    return BucketGoal(
+        np.array([0]), points[None], link[None], box[None], middle[None], heights[None], outline[None]
+    )
 
 
 def bucket_centre_w(snapshot: Snapshot, goal: BucketGoal) -> Array:

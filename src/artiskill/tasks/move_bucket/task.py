@@ -9,6 +9,7 @@ from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.props import Prop
 from artiskill.sensors.framing import WorldCameraConfig
 from artiskill.sensors.panorama import CamerasConfig
+from artiskill.tasks import staged_reward
 from artiskill.tasks.move_bucket.goal import make_bucket_goal
 from artiskill.tasks.move_bucket.initial import InitialStateConfig, sample_initial_state
 from artiskill.tasks.move_bucket.reward import TABLE, RewardConfig, bucket_reward_terms
@@ -105,6 +106,7 @@ def make_move_bucket(config: MoveBucketConfig) -> Task:
     )
     check_inside("initial.lift_m", config.initial.lift_m, robot.lift.range_m)
     load_kernel()
+    staged_reward.load_kernel()
     return Task(
         name=config.name,
         config=config,

@@ -9,6 +9,7 @@ from artiskill.robots.config import load_robot
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.sensors.framing import WorldCameraConfig
 from artiskill.sensors.panorama import CamerasConfig
+from artiskill.tasks import staged_reward
 from artiskill.tasks.open_cabinet.goal import make_open_goal
 from artiskill.tasks.open_cabinet.initial import InitialStateConfig, sample_initial_state
 from artiskill.tasks.open_cabinet.masks import MASK_NAMES, cabinet_masks
@@ -59,6 +60,7 @@ def make_open_cabinet(config: OpenCabinetConfig) -> Task:
     robot = load_robot(config.robot)
     check_inside("initial.lift_m", config.initial.lift_m, robot.lift.range_m)
     load_kernel()
+    staged_reward.load_kernel()
     return Task(
         name=config.name,
         config=config,

@@ -86,8 +86,9 @@ def _solid(shape: CollisionShape, position: np.ndarray, rotation: np.ndarray, fi
     elif shape.kind == "box":
         half = np.abs(turn) @ np.asarray(shape.size)
     else:
-        radius, length = shape.size[0], shape.size[1] if len(shape.size) > 1 else 0.0
-        half = np.abs(turn[:, 2]) * length + radius
+        radius, length = (*shape.size, 0.0)[:2]
+        around = 1.0 if shape.kind == "capsule" else np.sqrt(np.maximum(0.0, 1.0 - turn[:, 2] ** 2))
+        half = np.abs(turn[:, 2]) * length + radius * around
     axis, thickness = np.array((0.0, 0.0, 1.0)), 2 * float(half[:2].max())
     if shape.kind in ("cylinder", "capsule"):
         axis, thickness = turn[:, 2] * np.copysign(1.0, turn[2, 2]), 2 * shape.size[0]

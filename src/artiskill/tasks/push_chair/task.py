@@ -11,6 +11,7 @@ from artiskill.scene.props import Prop
 from artiskill.sensors.framing import WorldCameraConfig
 from artiskill.sensors.panorama import CamerasConfig
 from artiskill.sim.snapshot import Snapshot
+from artiskill.tasks import staged_reward
 from artiskill.tasks.push_chair.goal import PushGoal, make_push_goal
 from artiskill.tasks.push_chair.initial import InitialStateConfig, sample_initial_state
 from artiskill.tasks.push_chair.reward import TABLE, RewardConfig, push_reward_terms
@@ -75,6 +76,7 @@ def make_push_chair(config: PushChairConfig) -> Task:
     robot = load_robot(config.robot)
     check_inside("initial.lift_m", config.initial.lift_m, robot.lift.range_m)
     load_kernel()
+    staged_reward.load_kernel()
     return Task(
         name=config.name,
         config=config,
