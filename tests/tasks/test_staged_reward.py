@@ -28,6 +28,11 @@ def tables() -> list[tuple[str, StageTable, Sequence[float], dict[str, float]]]:
     return found
 
 
+every_table = pytest.mark.parametrize(
+    ("name", "table", "bonus", "weights"), tables(), ids=lambda v: v if type(v) is str else ""
+)
+
+
 def reward(
     table: StageTable, bonus: Sequence[float], weights: dict[str, float], measured: np.ndarray, stage: np.ndarray
 ) -> np.ndarray:
@@ -49,9 +54,7 @@ def random_measures(table: StageTable, count: int, rng: np.random.Generator) -> 
     return np.stack(columns, axis=1)
 
 
-@pytest.mark.parametrize(
-    ("name", "table", "bonus", "weights"), tables(), ids=lambda v: v if type(v) is str else ""
-)
+@every_table
 def test_a_later_stage_always_earns_more(
     name: str, table: StageTable, bonus: Sequence[float], weights: dict[str, float]
 ) -> None:
@@ -65,9 +68,7 @@ def test_a_later_stage_always_earns_more(
         assert lower.max() < higher.min()
 
 
-@pytest.mark.parametrize(
-    ("name", "table", "bonus", "weights"), tables(), ids=lambda v: v if type(v) is str else ""
-)
+@every_table
 def test_nothing_jumps_where_stages_meet(
     name: str, table: StageTable, bonus: Sequence[float], weights: dict[str, float]
 ) -> None:
@@ -121,9 +122,7 @@ def test_weights_that_break_the_order_are_refused(
         TOY.check_weights(bonus, weights)
 
 
-@pytest.mark.parametrize(
-    ("name", "table", "bonus", "weights"), tables(), ids=lambda v: v if type(v) is str else ""
-)
+@every_table
 def test_the_kernel_does_what_the_array_calls_say(
     name: str, table: StageTable, bonus: Sequence[float], weights: dict[str, float]
 ) -> None:

@@ -1,0 +1,147 @@
+"""MoveBucket: where it starts, when it is solved, what it rewards."""
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from artiskill.assets.catalog import list_objects, load_object
+from artiskill.errors import ConfigError
+from artiskill.geometry.rotations import quat_to_matrix
+from artiskill.sim.snapshot import Snapshot
+from artiskill.tasks.levels import Stream, level_generator
+from artiskill.tasks.move_bucket.goal import body_box, bucket_centre_w
+from artiskill.tasks.move_bucket.reward import hand_places
+from artiskill.tasks.registry import make_task
+
+TASK = make_task("MoveBucket")
+BUCKET = "bucket-0001"
+FLAGS = ("balls_in_bucket", "bucket_above_platform", "bucket_standing", "bucket_static")
+
+
+@pytest.fixture(scope="module")
+def instant(play) -> tuple[Snapshot, Any]:
+    return play(TASK, BUCKET, 20)
+
+
+def held(snapshot: Snapshot, xyz: tuple[float, float, float], lean_rad: float = 0.0, **changes: Any) -> Snapshot:
+    """The bucket somewhere, leaning, still, its ball inside, unless changes say otherwise."""
+    position, quaternion = snapshot.link_position_w.copy(), snapshot.link_quaternion_w.copy()
+    position[0, 0] = xyz
+    quaternion[0, 0] = (math.cos(lean_rad / 2), math.sin(lean_rad / 2), 0.0, 0.0)
+    rotation = quat_to_matrix(quaternion)
+    values = {
+        "link_position_w": position,
+        "link_quaternion_w": quaternion,
+        "link_rotation_w": rotation,
+        "previous_link_position_w": position.copy(),
+        "previous_link_quaternion_w": quaternion.copy(),
+        "root_velocity_w": np.zeros((1, 6)),
+        "prop_position_w": (position[0, 0] + rotation[0, 0] @ (0.0, 0.0, 0.07)).reshape(1, 1, 3),
+    }
+    return dataclasses.replace(snapshot, **{**values, **changes})
+
+
+def flags_of(snapshot: Snapshot, goal: Any) -> tuple[bool, ...]:
+    return tuple(bool(value[0]) for value in TASK.flags(snapshot, goal).values())
+
+
+def test_initial_states_lie_in_their_ranges() -> None:
+    bucket = load_object(BUCKET)
+    own = np.array(bucket.links[1].joint.limits)
+    for level in range(100):
+        state = TASK.sample_initial_state(bucket, level_generator(level, Stream.INITIAL_STATE))
+        place, robot = state.root_pose_w[:2], state.robot_qpos[:2]
+        assert 0.8 <= np.linalg.norm(place) <= 1.2
+        assert 0.6 <= np.linalg.norm(robot - place) <= 0.8
+        away = (robot - place) @ place / np.linalg.norm(robot - place) / np.linalg.norm(place)
+        assert np.arccos(np.clip(away, -1, 1)) <= 0.4 * np.pi + 1e-6
+        np.testing.assert_allclose(state.object_limits[0], own + 0.1 * np.ptp(own) * np.array((1, -1)))
+        assert state.object_qpos[0] == state.object_limits[0, 0]
+        ball = state.prop_positions_w[0]
+        assert ball[2] == pytest.approx(body_box(bucket)[1, 2] - 0.05)
+
+
+@pytest.mark.parametrize("object_id", list_objects("bucket", "test")[:3] + list_objects("bucket", "ood")[:3])
+def test_the_ball_falls_in_and_stays(play, object_id: str) -> None:
+    snapshot, goal = play(dataclasses.replace(TASK), object_id, 0)
+    assert bool(TASK.flags(snapshot, goal)["balls_in_bucket"][0])
+    later, _ = play(TASK, object_id, 25)
+    assert bool(TASK.flags(later, goal)["balls_in_bucket"][0])
+    assert later.prop_position_w[0, 0, 2] < snapshot.prop_position_w[0, 0, 2]
+
+
+@pytest.mark.parametrize(
+    ("xyz", "lean", "expected"),
+    [
+        ((0.0, 0.0, 0.1), 0.0, (True, True, True, True)),
+        ((0.2, 0.2, 0.5), 0.0, (True, True, True, True)),  # held in the air above it
+        ((0.301, 0.0, 0.1), 0.0, (True, False, True, True)),
+        ((0.0, 0.0, 0.1), 0.099 * math.pi, (True, True, True, True)),
+        ((0.0, 0.0, 0.1), 0.101 * math.pi, (True, True, False, True)),
+    ],
+)
+def test_flags(
+    instant: tuple[Snapshot, Any], xyz: tuple[float, float, float], lean: float, expected: tuple[bool, ...]
+) -> None:
+    snapshot, goal = instant
+    assert tuple(TASK.flags(snapshot, goal)) == FLAGS == TASK.flag_names
+    assert flags_of(held(snapshot, xyz, lean), goal) == expected
+
+
+def test_a_lost_ball_is_no_success_and_the_first_stage(instant: tuple[Snapshot, Any]) -> None:
+    snapshot, goal = instant
+    lost = held(snapshot, (0.0, 0.0, 0.1), prop_position_w=np.array([[[0.5, 0.0, 0.05]]]))
+    assert flags_of(lost, goal) == (False, True, True, True)
+    assert stage_of(lost, goal) == 0
+    assert stage_of(held(snapshot, (0.0, 0.0, 0.1)), goal) == 4
+
+
+def stage_of(snapshot: Snapshot, goal: Any) -> int:
+    terms = TASK.reward_terms(snapshot, goal, TASK.flags(snapshot, goal))
+    return int(np.searchsorted(TASK.config.reward.stage_bonus, float(terms["stage"][0]), side="right")) - 1
+
+
+def with_hands(snapshot: Snapshot, goal: Any) -> Snapshot:
+    """Fingertips on the bucket's wall, the hands on opposite sides."""
+    centre, half = bucket_centre_w(snapshot, goal)[0], np.ptp(goal.box[0], axis=0) / 2
+    aside = np.array((0.0, half[1], 0.0))
+    sides = np.array([centre + aside, centre - aside])
+    lines = np.repeat(sides, 2, axis=0)[None, :, None].repeat(2, axis=2)
+    return dataclasses.replace(snapshot, finger_line_w=lines, tool_position_w=sides[None])
+
+
+def test_stages_on_the_way(instant: tuple[Snapshot, Any]) -> None:
+    snapshot, goal = instant
+    assert stage_of(held(snapshot, (1.0, 0.0, 0.0)), goal) == 0
+    assert stage_of(with_hands(held(snapshot, (1.0, 0.0, 0.0)), goal), goal) == 1
+    assert stage_of(with_hands(held(snapshot, (1.0, 0.0, 0.21)), goal), goal) == 2
+    carried = held(snapshot, (0.2, 0.0, 0.21))
+    before = carried.link_position_w + np.array((0.05, 0.0, 0.0))
+    moving = dataclasses.replace(carried, previous_link_position_w=before)
+    assert stage_of(with_hands(moving, goal), goal) == 3
+    assert stage_of(with_hands(carried, goal), goal) == 4
+
+
+def test_hands_on_opposite_sides_are_seen(instant: tuple[Snapshot, Any]) -> None:
+    snapshot, goal = instant
+    around = with_hands(held(snapshot, (1.0, 0.0, 0.0)), goal)
+    cosine, level = hand_places(around, bucket_centre_w(around, goal))
+    assert cosine[0] == pytest.approx(-1)
+    assert level[0] == pytest.approx(0, abs=1e-12)
+    tools = around.tool_position_w.copy()
+    tools[0, 1] = tools[0, 0] + (0, 0, 0.1)
+    cosine, level = hand_places(dataclasses.replace(around, tool_position_w=tools), bucket_centre_w(around, goal))
+    assert cosine[0] == pytest.approx(1)
+    assert level[0] == pytest.approx(0.1)
+
+
+def test_torch_gives_the_same_answers(instant: tuple[Snapshot, Any], assert_torch_agrees) -> None:
+    assert_torch_agrees(TASK, *instant)
+
+
+def test_one_arm_is_too_few() -> None:
+    with pytest.raises(ConfigError, match="two arms; one_arm has 1"):
+        make_task("MoveBucket", {"robot": "one_arm"})
