@@ -4,12 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from artiskill.errors import AssetError
 from artiskill.geometry.arrays import Array, namespace
 from artiskill.sim.snapshot import Snapshot
 
 # Values are clipped to their field's bounds, so that spaces are finite. Nothing in a sane episode reaches them:
 # the base's range is 10 m, and drives turn no joint faster than 3.14 rad/s.
 _FAR_M, _FAST, _ANGLE_RAD = 20.0, 100.0, 100.0
+_ROOT_SIZE = 13  # position, orientation, linear and angular velocity
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,30 @@ def object_fields(max_joints: int) -> tuple[ObservationField, ...]:
         ObservationField("object joint positions", max_joints, _ANGLE_RAD, "m, rad"),
         ObservationField("object joint velocities", max_joints, _FAST, "m/s, rad/s"),
     )
+
+
+def object_size(max_joints: int) -> int:
+    """How many numbers `object_fields` has."""
+    return _ROOT_SIZE + 2 * max_joints
+
+
+def write_object(snapshot: Snapshot, max_joints: int, out: Array) -> None:
+    """Write the numbers of `object_fields` into `out`, (B, object_size), which is zero so far.
+
+    Raises:
+        AssetError: the object has more joints than the vector has slots.
+    """
+    joints = snapshot.object_qpos.shape[1]
+    if joints > max_joints:
+        raise AssetError(
+            f"an object with {joints} joints does not fit a state vector with max_object_joints = {max_joints}; "
+            "raise that value in the task's config"
+        )
+    out[:, 0:3] = snapshot.link_position_w[:, 0]
+    out[:, 3:7] = snapshot.link_quaternion_w[:, 0]
+    out[:, 7:_ROOT_SIZE] = snapshot.root_velocity_w
+    out[:, _ROOT_SIZE : _ROOT_SIZE + joints] = snapshot.object_qpos
+    out[:, _ROOT_SIZE + max_joints : _ROOT_SIZE + max_joints + joints] = snapshot.object_qvel
 
 
 def robot_size(snapshot: Snapshot) -> int:

@@ -6,15 +6,27 @@ from functools import cached_property
 import numpy as np
 
 from artiskill.config import check_not_negative, check_positive
-from artiskill.errors import AssetError
 from artiskill.geometry.arrays import Array, clamp, namespace, norm
 from artiskill.scene.scene import Scene
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.fields import ObservationField, object_fields, robot_fields, robot_size, write_robot
+from artiskill.tasks.fields import (
+    ObservationField,
+    object_fields,
+    object_size,
+    robot_fields,
+    robot_size,
+    write_object,
+    write_robot,
+)
+from artiskill.tasks.staged_reward import Ramp, Stage
 
-WHOLE = "base"  # the target of tasks that move the whole object
+# The last stage begins a little nearer than near: an object that arrives slowly, and so counts as still, would
+# otherwise skip the stage before it.
+SAFELY_NEAR = 0.95
+# Measures of how an object arrives, in the order of `Stand.arrival`: its distance over what counts as near, its
+# tilt over what counts as upright, its speeds over what counts as still.
+ARRIVAL = ("near", "lean", "speed", "angular_speed")
 MASK_NAMES = ("robot",)
-_ROOT_SIZE = 13  # position, orientation, linear and angular velocity
 
 
 @dataclass(frozen=True)
@@ -38,6 +50,26 @@ class StandingConfig:
     def __post_init__(self) -> None:
         check_positive(self, "near_m", "max_tilt_rad", "max_speed_m_s", "max_angular_speed_rad_s")
         check_not_negative(self, "hold_s")
+
+
+def arrival_stages(braking: str, arrived: str, asks: tuple[str, ...]) -> tuple[Stage, Stage]:
+    """The last two stages of a task that brings an object somewhere: near, and near, upright and still."""
+    braking_ends = (
+        Ramp("speed", 3.0, 1.0),
+        Ramp("angular_speed", 3.0, 1.0),
+        Ramp("lean", 2.0, 1.0),
+        Ramp("near", 1.0, SAFELY_NEAR),
+    )
+    inside = (
+        Ramp("speed", 1.0, 0.8),
+        Ramp("angular_speed", 1.0, 0.8),
+        Ramp("lean", 1.0, 0.8),
+        Ramp("near", SAFELY_NEAR, 0.9),
+    )
+    return (
+        Stage(braking, asks, enters=(Ramp("near", 1.0, SAFELY_NEAR),), leaves=braking_ends),
+        Stage(arrived, asks, enters=inside),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +107,15 @@ class Stand:
         toward = xp.vecdot(position, self.snapshot.root_velocity_w[:, :2])
         return -toward / xp.maximum(self.distance_m, xp.asarray(1e-6, dtype=position.dtype))
 
+    def arrival(self, config: StandingConfig) -> tuple[Array, Array, Array, Array]:
+        """The measures of `ARRIVAL`, each (B,)."""
+        return (
+            self.distance_m / config.near_m,
+            self.tilt_rad / config.max_tilt_rad,
+            self.speed_m_s / config.max_speed_m_s,
+            self.angular_speed_rad_s / config.max_angular_speed_rad_s,
+        )
+
     def near(self, config: StandingConfig) -> Array:
         """Whether it is near its target, (B,) bool."""
         return self.distance_m <= config.near_m
@@ -109,20 +150,10 @@ def observe_standing_state(snapshot: Snapshot, goal: object, max_joints: int) ->
         AssetError: the object has more joints than the vector has slots.
     """
     xp = namespace(snapshot.object_qpos)
-    batch, joints = snapshot.object_qpos.shape
-    if joints > max_joints:
-        raise AssetError(
-            f"an object with {joints} joints does not fit a state vector with max_object_joints = {max_joints}; "
-            "raise that value in the task's config"
-        )
-    props = snapshot.prop_position_w.shape[1]
-    start = _ROOT_SIZE + 2 * max_joints
-    values = xp.zeros((batch, start + 6 * props + robot_size(snapshot)), dtype=xp.float32)
-    values[:, 0:3] = snapshot.link_position_w[:, 0]
-    values[:, 3:7] = snapshot.link_quaternion_w[:, 0]
-    values[:, 7:13] = snapshot.root_velocity_w
-    values[:, _ROOT_SIZE : _ROOT_SIZE + joints] = snapshot.object_qpos
-    values[:, _ROOT_SIZE + max_joints : _ROOT_SIZE + max_joints + joints] = snapshot.object_qvel
+    props, start = snapshot.prop_position_w.shape[1], object_size(max_joints)
+    size = start + 6 * props + robot_size(snapshot)
+    values = xp.zeros((snapshot.object_qpos.shape[0], size), dtype=xp.float32)
+    write_object(snapshot, max_joints, values[:, :start])
     for k in range(props):
         values[:, start : start + 3] = snapshot.prop_position_w[:, k]
         values[:, start + 3 : start + 6] = snapshot.prop_velocity_w[:, k]

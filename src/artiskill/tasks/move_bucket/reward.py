@@ -8,7 +8,7 @@ from artiskill.geometry.arrays import Array, columns, namespace
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.move_bucket.goal import BucketGoal, bucket_centre_w
 from artiskill.tasks.staged_reward import Ramp, Stage, StageTable
-from artiskill.tasks.standing import Stand, StandingConfig
+from artiskill.tasks.standing import ARRIVAL, SAFELY_NEAR, Stand, StandingConfig, arrival_stages
 from artiskill.tasks.surface import fingertip_distance
 
 # Measures, in the order of `bucket_reward_terms`:
@@ -21,13 +21,10 @@ from artiskill.tasks.surface import fingertip_distance
 #   rising_speed      of the bucket's root, m/s upwards
 #   target_distance   of the bucket's root from the platform's centre, in the plane, m
 #   approach_speed    of the bucket's root towards it, m/s
-#   near              target_distance over what counts as above the platform
-#   lean              tilt over what counts as standing
-#   speed             of the bucket's root, over what counts as still
-#   angular_speed     likewise
+#   and how it arrives, `standing.ARRIVAL`
 MEASURES = (
     *("hand_distance", "hand_gap", "opposite", "hand_level", "tilt", "rise", "rising_speed"),
-    *("target_distance", "approach_speed", "near", "lean", "speed", "angular_speed"),
+    *("target_distance", "approach_speed", *ARRIVAL),
 )
 TERMS = {
     "hand_distance": Ramp("hand_distance", 2.0, 0.0),
@@ -40,9 +37,6 @@ TERMS = {
     "approach_speed": Ramp("approach_speed", -0.2, 0.4),
     "slow": Ramp("speed", 5.0, 0.0),
 }
-# The last stage begins a little nearer than near: a bucket that is carried slowly, and so counts as still, would
-# otherwise skip the stage before it.
-_SAFELY_NEAR = 0.95
 STAGES = (
     Stage(
         "approach the bucket",
@@ -61,27 +55,7 @@ STAGES = (
         enters=(Ramp("rise", 1.0, 1.1),),
         leaves=(Ramp("near", 1.3, 1.0),),
     ),
-    Stage(
-        "hold it above the platform",
-        asks=("slow", "upright"),
-        enters=(Ramp("near", 1.0, _SAFELY_NEAR),),
-        leaves=(
-            Ramp("speed", 3.0, 1.0),
-            Ramp("angular_speed", 3.0, 1.0),
-            Ramp("lean", 2.0, 1.0),
-            Ramp("near", 1.0, _SAFELY_NEAR),
-        ),
-    ),
-    Stage(
-        "above it, upright and still",
-        asks=("slow", "upright"),
-        enters=(
-            Ramp("speed", 1.0, 0.8),
-            Ramp("angular_speed", 1.0, 0.8),
-            Ramp("lean", 1.0, 0.8),
-            Ramp("near", _SAFELY_NEAR, 0.9),
-        ),
-    ),
+    *arrival_stages("hold it above the platform", "above it, upright and still", asks=("slow", "upright")),
 )
 TABLE = StageTable(TERMS, STAGES)
 _ORDER = tuple(MEASURES.index(name) for name in TABLE.measures)
@@ -122,7 +96,7 @@ def bucket_reward_terms(
     centre = bucket_centre_w(snapshot, goal)
     hands = fingertip_distance(snapshot, goal.row, goal.points, goal.point_link)
     opposite, level = hand_places(snapshot, centre)
-    tilt, near = stand.tilt_rad / config.tipping_rad, stand.distance_m / success.near_m
+    tilt, arrival = stand.tilt_rad / config.tipping_rad, stand.arrival(success)
     rise = (centre[:, 2] - goal.start_height) / config.lifted_m
     measured = (
         hands,
@@ -134,12 +108,9 @@ def bucket_reward_terms(
         snapshot.root_velocity_w[:, 2],
         stand.distance_m,
         stand.approach_speed_m_s,
-        near,
-        stand.tilt_rad / success.max_tilt_rad,
-        stand.speed_m_s / success.max_speed_m_s,
-        stand.angular_speed_rad_s / success.max_angular_speed_rad_s,
+        *arrival,
     )
-    solved = flags["bucket_standing"] & flags["bucket_static"] & (near <= _SAFELY_NEAR)
+    solved = flags["bucket_standing"] & flags["bucket_static"] & (arrival[0] <= SAFELY_NEAR)
     held = (hands <= config.close_distance_m) * (1 + (rise >= 1.0))  # (B,) 0 to 2
     stage = xp.where(flags["bucket_above_platform"], 3 + solved, held)
     stage = xp.where(flags["balls_in_bucket"] & (tilt <= 1.0), stage, xp.zeros_like(stage))

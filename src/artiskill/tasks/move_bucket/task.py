@@ -5,10 +5,7 @@ from functools import partial
 
 from artiskill.config import check, check_inside, check_positive
 from artiskill.robots.config import load_robot
-from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.props import Prop
-from artiskill.sensors.framing import WorldCameraConfig
-from artiskill.sensors.panorama import CamerasConfig
 from artiskill.tasks import staged_reward
 from artiskill.tasks.move_bucket.goal import make_bucket_goal
 from artiskill.tasks.move_bucket.initial import InitialStateConfig, sample_initial_state
@@ -17,6 +14,7 @@ from artiskill.tasks.move_bucket.success import FLAG_NAMES, bucket_flags
 from artiskill.tasks.standing import MASK_NAMES, StandingConfig, observe_standing_state, robot_mask, state_fields
 from artiskill.tasks.surface import load_kernel
 from artiskill.tasks.task import Task
+from artiskill.tasks.task_config import TaskConfig
 
 BALL = "ball"
 _PLATFORM_RGBA, _BALL_RGBA = (0.35, 0.24, 0.14, 1.0), (0.05, 0.25, 0.65, 1.0)
@@ -60,38 +58,20 @@ class PropsConfig:
 
 
 @dataclass(frozen=True)
-class MoveBucketConfig:
-    """Everything about the task that is a value.
+class MoveBucketConfig(TaskConfig):
+    """Everything about the task that is a value, beside what every task has.
 
     Attributes:
-        name: of the task.
-        robot: name of the robot.
-        episode_steps: environment steps until the episode is cut off.
-        max_object_joints: joint slots of the state vector.
-        physics: rates, solver, contacts.
         props: platform and ball.
         initial: ranges of initial states.
         success: what counts as above the platform, standing and still.
         reward: dense reward.
-        cameras: on the robot's base.
-        world_camera: for people.
     """
 
-    name: str
-    robot: str
-    episode_steps: int
-    max_object_joints: int
-    physics: PhysicsConfig
     props: PropsConfig
     initial: InitialStateConfig
     success: StandingConfig
     reward: RewardConfig
-    cameras: CamerasConfig
-    world_camera: WorldCameraConfig
-
-    def __post_init__(self) -> None:
-        check(self.episode_steps >= 1, f"episode_steps must be at least 1, not {self.episode_steps}")
-        check(self.max_object_joints >= 1, f"max_object_joints must be at least 1, not {self.max_object_joints}")
 
 
 def make_move_bucket(config: MoveBucketConfig) -> Task:
@@ -115,7 +95,7 @@ def make_move_bucket(config: MoveBucketConfig) -> Task:
         physics=config.physics,
         props=config.props.props(),
         episode_steps=config.episode_steps,
-        hold_steps=max(1, round(config.success.hold_s / config.physics.step_s)),
+        hold_steps=config.steps_of(config.success.hold_s),
         targets=lambda obj: (obj.links[0].name,),
         make_goal=make_bucket_goal,
         sample_initial_state=partial(

@@ -4,11 +4,8 @@ from dataclasses import dataclass
 from functools import partial
 
 from artiskill.assets.articulated_object import JointKind
-from artiskill.config import check, check_inside
+from artiskill.config import check_inside
 from artiskill.robots.config import load_robot
-from artiskill.scene.physics import PhysicsConfig
-from artiskill.sensors.framing import WorldCameraConfig
-from artiskill.sensors.panorama import CamerasConfig
 from artiskill.tasks import staged_reward
 from artiskill.tasks.open_cabinet.goal import make_open_goal
 from artiskill.tasks.open_cabinet.initial import InitialStateConfig, sample_initial_state
@@ -18,41 +15,24 @@ from artiskill.tasks.open_cabinet.reward import TABLE, RewardConfig, open_reward
 from artiskill.tasks.open_cabinet.state import observe_cabinet_state, state_fields
 from artiskill.tasks.open_cabinet.success import FLAG_NAMES, SuccessConfig, open_flags
 from artiskill.tasks.task import Task
+from artiskill.tasks.task_config import TaskConfig
 
 
 @dataclass(frozen=True)
-class OpenCabinetConfig:
-    """Everything about the task that is a value.
+class OpenCabinetConfig(TaskConfig):
+    """Everything about the task that is a value, beside what every task has.
 
     Attributes:
-        name: of the task.
-        robot: name of the robot.
         motion: how the target moves: `prismatic` for drawers, `revolute` for doors.
-        episode_steps: environment steps until the episode is cut off.
-        max_object_joints: joint slots of the state vector.
-        physics: rates, solver, contacts.
         initial: ranges of initial states.
         success: what counts as open and still.
         reward: dense reward.
-        cameras: on the robot's base.
-        world_camera: for people.
     """
 
-    name: str
-    robot: str
     motion: JointKind
-    episode_steps: int
-    max_object_joints: int
-    physics: PhysicsConfig
     initial: InitialStateConfig
     success: SuccessConfig
     reward: RewardConfig
-    cameras: CamerasConfig
-    world_camera: WorldCameraConfig
-
-    def __post_init__(self) -> None:
-        check(self.episode_steps >= 1, f"episode_steps must be at least 1, not {self.episode_steps}")
-        check(self.max_object_joints >= 1, f"max_object_joints must be at least 1, not {self.max_object_joints}")
 
 
 def make_open_cabinet(config: OpenCabinetConfig) -> Task:
@@ -69,7 +49,7 @@ def make_open_cabinet(config: OpenCabinetConfig) -> Task:
         physics=config.physics,
         props=(),
         episode_steps=config.episode_steps,
-        hold_steps=max(1, round(config.success.hold_s / config.physics.step_s)),
+        hold_steps=config.steps_of(config.success.hold_s),
         targets=lambda obj: obj.target_links(config.motion),
         make_goal=partial(make_open_goal, open_fraction=config.success.open_fraction),
         sample_initial_state=partial(sample_initial_state, config=config.initial, robot=robot),

@@ -8,7 +8,7 @@ from artiskill.geometry.arrays import Array, columns, namespace
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.push_chair.goal import PushGoal
 from artiskill.tasks.staged_reward import Ramp, Stage, StageTable
-from artiskill.tasks.standing import Stand, StandingConfig
+from artiskill.tasks.standing import ARRIVAL, SAFELY_NEAR, Stand, StandingConfig, arrival_stages
 from artiskill.tasks.surface import fingertip_distance
 
 # Measures, in the order of `push_reward_terms`:
@@ -17,13 +17,10 @@ from artiskill.tasks.surface import fingertip_distance
 #   tilt              of the chair, over what counts as tipping
 #   target_distance   of the chair's root from the target, in the plane, m
 #   approach_speed    of the chair's root towards the target, m/s
-#   near              target_distance over what counts as near
-#   lean              tilt over what counts as standing
-#   speed             of the chair's root, over what counts as still
-#   angular_speed     likewise
+#   and how it arrives, `standing.ARRIVAL`
 MEASURES = (
     *("hand_distance", "hand_gap", "tilt", "target_distance", "approach_speed"),
-    *("near", "lean", "speed", "angular_speed"),
+    *ARRIVAL,
 )
 TERMS = {
     "hand_distance": Ramp("hand_distance", 2.0, 0.0),
@@ -32,9 +29,6 @@ TERMS = {
     "approach_speed": Ramp("approach_speed", -0.2, 0.4),
     "slow": Ramp("speed", 5.0, 0.0),
 }
-# The last stage begins a little nearer than near: a chair that is pushed slowly, and so counts as still, would
-# otherwise skip the stage before it.
-_SAFELY_NEAR = 0.95
 STAGES = (
     Stage(
         "approach the chair",
@@ -47,27 +41,7 @@ STAGES = (
         enters=(Ramp("hand_gap", 1.0, 0.8), Ramp("tilt", 1.0, 0.8)),
         leaves=(Ramp("near", 1.5, 1.0),),
     ),
-    Stage(
-        "brake it",
-        asks=("slow", "upright"),
-        enters=(Ramp("near", 1.0, _SAFELY_NEAR),),
-        leaves=(
-            Ramp("speed", 3.0, 1.0),
-            Ramp("angular_speed", 3.0, 1.0),
-            Ramp("lean", 2.0, 1.0),
-            Ramp("near", 1.0, _SAFELY_NEAR),
-        ),
-    ),
-    Stage(
-        "near, standing and still",
-        asks=("slow", "upright"),
-        enters=(
-            Ramp("speed", 1.0, 0.8),
-            Ramp("angular_speed", 1.0, 0.8),
-            Ramp("lean", 1.0, 0.8),
-            Ramp("near", _SAFELY_NEAR, 0.9),
-        ),
-    ),
+    *arrival_stages("brake it", "near, standing and still", asks=("slow", "upright")),
 )
 TABLE = StageTable(TERMS, STAGES)
 _ORDER = tuple(MEASURES.index(name) for name in TABLE.measures)
@@ -101,8 +75,8 @@ def push_reward_terms(
     xp = namespace(snapshot.object_qpos)
     stand = Stand(snapshot)
     hands = fingertip_distance(snapshot, goal.row, goal.points, goal.point_link)
-    tilt, near = stand.tilt_rad / config.tipping_rad, stand.distance_m / success.near_m
-    solved = flags["chair_standing"] & flags["chair_static"] & (near <= _SAFELY_NEAR)
+    tilt, arrival = stand.tilt_rad / config.tipping_rad, stand.arrival(success)
+    solved = flags["chair_standing"] & flags["chair_static"] & (arrival[0] <= SAFELY_NEAR)
     pushing = (hands <= config.close_distance_m) & (tilt <= 1.0)
     stage = xp.where(flags["chair_close_to_target"] & (tilt <= 1.0), 2 + solved, pushing)  # (B,) 0 to 3
     measured = (
@@ -111,9 +85,6 @@ def push_reward_terms(
         tilt,
         stand.distance_m,
         stand.approach_speed_m_s,
-        near,
-        stand.tilt_rad / success.max_tilt_rad,
-        stand.speed_m_s / success.max_speed_m_s,
-        stand.angular_speed_rad_s / success.max_angular_speed_rad_s,
+        *arrival,
     )
     return TABLE.evaluate(columns([measured[i] for i in _ORDER]), stage, config.stage_bonus)

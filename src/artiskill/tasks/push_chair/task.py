@@ -3,13 +3,10 @@
 from dataclasses import dataclass
 from functools import partial
 
-from artiskill.config import check, check_inside
+from artiskill.config import check_inside
 from artiskill.geometry.arrays import Array
 from artiskill.robots.config import load_robot
-from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.props import Prop
-from artiskill.sensors.framing import WorldCameraConfig
-from artiskill.sensors.panorama import CamerasConfig
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks import staged_reward
 from artiskill.tasks.push_chair.goal import PushGoal, make_push_goal
@@ -25,6 +22,7 @@ from artiskill.tasks.standing import (
 )
 from artiskill.tasks.surface import load_kernel
 from artiskill.tasks.task import Task
+from artiskill.tasks.task_config import TaskConfig
 
 FLAG_NAMES = ("chair_close_to_target", "chair_standing", "chair_static")
 # the target for people to see: a red ball, half in the ground
@@ -32,36 +30,18 @@ _TARGET_RGBA = (0.75, 0.03, 0.03, 1.0)
 
 
 @dataclass(frozen=True)
-class PushChairConfig:
-    """Everything about the task that is a value.
+class PushChairConfig(TaskConfig):
+    """Everything about the task that is a value, beside what every task has.
 
     Attributes:
-        name: of the task.
-        robot: name of the robot.
-        episode_steps: environment steps until the episode is cut off.
-        max_object_joints: joint slots of the state vector.
-        physics: rates, solver, contacts.
         initial: ranges of initial states.
         success: what counts as near, standing and still.
         reward: dense reward.
-        cameras: on the robot's base.
-        world_camera: for people.
     """
 
-    name: str
-    robot: str
-    episode_steps: int
-    max_object_joints: int
-    physics: PhysicsConfig
     initial: InitialStateConfig
     success: StandingConfig
     reward: RewardConfig
-    cameras: CamerasConfig
-    world_camera: WorldCameraConfig
-
-    def __post_init__(self) -> None:
-        check(self.episode_steps >= 1, f"episode_steps must be at least 1, not {self.episode_steps}")
-        check(self.max_object_joints >= 1, f"max_object_joints must be at least 1, not {self.max_object_joints}")
 
 
 def push_flags(snapshot: Snapshot, goal: PushGoal, config: StandingConfig) -> dict[str, Array]:
@@ -85,7 +65,7 @@ def make_push_chair(config: PushChairConfig) -> Task:
         physics=config.physics,
         props=(Prop("target", "sphere", (config.success.near_m,), "drawn", rgba=_TARGET_RGBA),),
         episode_steps=config.episode_steps,
-        hold_steps=max(1, round(config.success.hold_s / config.physics.step_s)),
+        hold_steps=config.steps_of(config.success.hold_s),
         targets=lambda obj: (obj.links[0].name,),
         make_goal=make_push_goal,
         sample_initial_state=partial(sample_initial_state, config=config.initial, robot=robot),
