@@ -8,10 +8,11 @@ from pathlib import Path
 
 from artiskill.assets.catalog import list_objects, load_object
 from artiskill.assets.entries import CATEGORIES, SPLITS
+from artiskill.assets.similarity import Descriptor, describe, nearest_neighbour
 from artiskill.gallery.charts import category_chart
 from artiskill.gallery.facts import ObjectFacts, object_facts
-from artiskill.gallery.statistics import told_kinds
-from artiskill.gallery.tables import kinds_table, split_table
+from artiskill.gallery.statistics import by_split, median, told_kinds
+from artiskill.gallery.tables import kinds_table, markdown, split_table
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE, IMAGES = DOCS / "objects.md", DOCS / "images"
@@ -57,7 +58,25 @@ def section(category: str, facts: list[ObjectFacts]) -> str:
     """Heading, table, picture and lists of one category."""
     pieces = [f"### {category.capitalize()}s", split_table(facts)]
     pieces.append(f"![Distributions of the {category}s' sizes, masses, joints and handles]({image(category)})")
-    return "\n\n".join([*pieces, *(kinds_table(facts, title) for title in told_kinds(facts))])
+    pieces += [kinds_table(facts, title) for title in told_kinds(facts)]
+    return "\n\n".join([*pieces, neighbours_table(facts)])
+
+
+def neighbours_table(facts: list[ObjectFacts]) -> str:
+    """Smallest and median distance of each split's objects to the most similar object, and training object."""
+    described = {fact.id: describe(load_object(fact.id)) for fact in facts}
+    splits = {split: [described[fact.id] for fact in members] for split, members in by_split(facts).items()}
+    rows = [
+        [split, *(_distances(members, list(others)) for others in (described.values(), splits["train"]))]
+        for split, members in splits.items()
+    ]
+    return markdown(["nearest neighbour, mm", "any other object", "training object"], rows)
+
+
+def _distances(members: list[Descriptor], others: list[Descriptor]) -> str:
+    found = [nearest_neighbour(one, others) for one in members]
+    distances = [1e3 * neighbour.distance_m for neighbour in found if neighbour is not None]
+    return f"{min(distances):.1f}, median {median(distances):.1f}"
 
 
 def image(category: str) -> str:

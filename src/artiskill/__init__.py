@@ -22,6 +22,7 @@ _PUBLIC = {
     "load_object": "artiskill.assets.catalog",
     "evaluate": "artiskill.evaluation.evaluate",
     "ManipulationEnv": "artiskill.envs.manipulation",
+    "FlattenDict": "artiskill.envs.wrappers",
     "PointCloudDownsample": "artiskill.envs.wrappers",
 }
 __all__ = ["__version__", *sorted(_PUBLIC)]  # noqa: PLE0604 - names resolved by __getattr__

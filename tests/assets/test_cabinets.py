@@ -21,8 +21,8 @@ from artiskill.assets.cabinets import (
     sample_cabinet,
 )
 from artiskill.assets.cabinets.config import HANDLES
-from artiskill.assets.cabinets.sample import collision_count
-from artiskill.assets.cabinets.spec import Cell
+from artiskill.assets.cabinets.sample import collision_count, join_shelves
+from artiskill.assets.cabinets.spec import Board, Cell, Rect
 from artiskill.config import dump_yaml, from_mapping, to_mapping
 from artiskill.errors import AssetError, ConfigError
 from artiskill.geometry.hulls import convex_hull, depth_inside
@@ -365,6 +365,35 @@ def test_drawers_are_hollow(cabinet: tuple[CabinetSpec, ArticulatedObject]) -> N
             "drawer_bottom",
             "handle",
         }
+
+
+def test_a_shelf_behind_a_pair_of_doors_is_one_board() -> None:
+    def half(y0: float, y1: float, z: float, part: str = "shelf") -> Board:
+        return Board(Rect(y0, y1, z, z + 0.02), -0.2, 0.2, part)  # type: ignore[arg-type]
+
+    halves = [half(0.0, 0.3, 0.5), half(0.0, 0.3, 0.8), half(-0.3, 0.0, 0.5), half(-0.3, 0.0, 0.9)]
+    assert join_shelves(halves) == (half(-0.3, 0.3, 0.5), halves[1], halves[3])
+    dividers = [half(0.0, 0.3, 0.5, "divider"), half(-0.3, 0.0, 0.5, "divider")]
+    assert join_shelves(dividers) == tuple(dividers)
+
+
+def test_hinges_reach_from_the_carcass_to_the_open_door() -> None:
+    """What hides within a closed door bridges most of the gap that an open one leaves."""
+    spec = next(
+        s for s in drawn(held_out=False) if s.front.mount == "overlay" and s.count("door") and not s.front.bow_m
+    )
+    base, *moving = build_cabinet(spec, "test", np.random.default_rng(0)).links
+    (arms,) = (v.mesh for v in base.visuals if v.part == "hinge")
+    back = spec.face_x + spec.front.thickness_m
+    assert spec.face_x < arms.bounds[0, 0] < back - 0.5 * spec.front.thickness_m
+    assert arms.bounds[1, 0] > -spec.depth_m / 2, "they are fixed within the carcass"
+    assert any(v.part == "hinge" for link in moving for v in link.visuals)
+
+
+def test_no_plinth_is_of_brass() -> None:
+    plinths = [s for s in drawn(held_out=False) if s.support.kind in ("plinth", "sides")]
+    assert plinths
+    assert all(s.appearance.support.name != "brass" for s in plinths)
 
 
 def test_variety_over_many_seeds() -> None:

@@ -122,6 +122,21 @@ def test_a_range_of_seeds_is_as_many_objects() -> None:
         load_object("generated:bucket:3..5")
 
 
+def test_a_range_holds_what_the_task_can_be_done_with() -> None:
+    names = resolve_objects("generated:cabinet:100..109", "OpenCabinetDrawer")
+    assert 0 < len(names) < 10
+    assert all(load_object(str(name)).target_links("prismatic") for name in names)
+    lacking = next(f"generated-cabinet-{k}" for k in range(100, 110) if f"generated-cabinet-{k}" not in names)
+    with pytest.raises(AssetError, match=f"{lacking}' has no drawer with a handle"):
+        resolve_objects(lacking, "OpenCabinetDrawer")
+    number = lacking.rsplit("-", 1)[1]
+    following = f"generated:cabinet:{number}..{number}"
+    with pytest.raises(AssetError, match="has no drawer with a handle"):
+        resolve_objects(following, "OpenCabinetDrawer")
+    with pytest.raises(AssetError, match="is a cabinet; PushChair needs a chair"):
+        resolve_objects("generated:cabinet:3..5", "PushChair")
+
+
 def test_resolve_splits_ids_and_objects() -> None:
     train = resolve_objects("train", "OpenCabinetDrawer")
     assert train == tuple(list_objects(split="train", task="OpenCabinetDrawer"))
@@ -258,6 +273,15 @@ def test_a_file_may_list_a_split(importer: list[object], tmp_path: Path) -> None
     expected = ("cabinet-0002", "generated-cabinet-3", "generated-cabinet-4", imported)
     assert resolve_objects(str(own)) == resolve_objects(own) == expected
     assert importer == [tmp_path / "data/40147.zip"] * 2
+
+
+def test_a_folder_beside_a_file_in_the_working_directory(
+    importer: list[object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("own.yaml").write_text("objects: [./mine]\n")
+    resolve_objects("own.yaml")
+    assert [Path(str(path)) for path in importer] == [Path("mine")]
 
 
 @pytest.mark.parametrize(

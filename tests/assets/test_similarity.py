@@ -71,3 +71,10 @@ def test_neighbours() -> None:
     one, *others = [describe(o) for o in objects]
     assert nearest_neighbour(one, others) == found[objects[0].id]
     assert nearest_neighbour(one, []) is None
+
+
+@pytest.mark.slow
+def test_no_nearer_object_is_missed() -> None:
+    described = [describe(load_object(f"generated:chair:{seed}")) for seed in range(25)]
+    for found, one in zip(nearest_neighbours(described), described, strict=True):
+        assert found.distance_m == min(distance(one, other) for other in described if other is not one)

@@ -30,6 +30,12 @@ def test_random_follows_level_and_object_only(env: ManipulationEnv) -> None:
     np.testing.assert_array_equal(first, first_action(RandomActor(), env, 3, "cabinet-0005"))
 
 
+def test_still_asks_for_nothing(env: ManipulationEnv) -> None:
+    action = first_action(load_policy("still"), env, 3, "cabinet-0005")
+    assert action.shape == (13,)
+    assert not action.any()
+
+
 def test_the_expert_solves_a_level(env: ManipulationEnv) -> None:
     seen: list[tuple[int, bool]] = []
     result = run_episode(env, load_policy("expert"), 0, lambda _, steps, done: seen.append((steps, done)))

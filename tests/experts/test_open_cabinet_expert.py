@@ -1,13 +1,18 @@
-"""The expert and its inverse kinematics: it follows twists, keeps limits, and holds what it gripped."""
+"""The expert and its inverse kinematics: it follows twists, keeps limits, holds what it grips, opens doors."""
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
+from artiskill.assets.catalog import list_objects
 from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.experts.door import door_of
+from artiskill.experts.frames import Frame
+from artiskill.experts.grip import nearest_grasp
 from artiskill.experts.open_cabinet import OpenCabinetExpert, Phase
-from artiskill.experts.whole_body import WholeBodyConfig, WholeBodyController, _bounded_least_squares
+from artiskill.experts.whole_body import WholeBodyConfig, WholeBodyController, bounded_least_squares
 
 
 @pytest.fixture
@@ -51,11 +56,11 @@ def test_least_squares_stays_in_its_box() -> None:
     for _ in range(50):
         matrix, target = rng.normal(size=(17, 11)), rng.normal(size=17) * 3
         lower, upper = -rng.uniform(0, 0.5, 11), rng.uniform(0, 0.5, 11)
-        x = _bounded_least_squares(matrix, target, lower, upper)
+        x = bounded_least_squares(matrix, target, lower, upper)
         assert (x >= lower - 1e-12).all()
         assert (x <= upper + 1e-12).all()
         unbounded = np.linalg.lstsq(matrix, target, rcond=None)[0]
-        wide = _bounded_least_squares(matrix, target, np.full(11, -1e3), np.full(11, 1e3))
+        wide = bounded_least_squares(matrix, target, np.full(11, -1e3), np.full(11, 1e3))
         np.testing.assert_allclose(wide, unbounded, atol=1e-9)
 
 
@@ -68,7 +73,7 @@ def test_it_grips_and_pulls_without_slipping(env: ManipulationEnv) -> None:
         assert np.abs(action).max() <= 1
         phases.append(expert.phase)
         if expert.phase is Phase.PULL:
-            gripped.append(expert._grasp(env.snapshot, env.goal).position - env.snapshot.tool_position_w[0, 0])
+            gripped.append(nearest_grasp(env.snapshot, env.goal).position - env.snapshot.tool_position_w[0, 0])
         _, _, terminated, truncated, info = env.step(action)
         done = terminated or truncated
     assert info["success"]
@@ -106,3 +111,83 @@ def test_the_same_episode_gives_the_same_actions(env: ManipulationEnv) -> None:
         return np.array(taken)
 
     np.testing.assert_array_equal(actions(), actions())
+
+
+def in_order(phases: list[Phase]) -> list[Phase]:
+    """Without repetitions."""
+    return [p for i, p in enumerate(phases) if i == 0 or p is not phases[i - 1]]
+
+
+def play(env: ManipulationEnv, level: int, disturb: Callable[[OpenCabinetExpert], None] | None = None) -> tuple:
+    """Phases of an episode, and whether it ended well."""
+    env.reset(seed=level)
+    expert = OpenCabinetExpert(env.task.robot)
+    expert.reset(env.snapshot, env.goal)
+    phases, done = [], False
+    while not done:
+        action = expert.act(env.snapshot, env.goal)
+        phases.append(expert.phase)
+        if disturb is not None:
+            disturb(expert)
+        _, _, terminated, truncated, info = env.step(action)
+        done = terminated or truncated
+    return phases, info["success"]
+
+
+LET_GO = [Phase.RELEASE, Phase.AROUND, Phase.PUSH, Phase.HOLD]
+
+
+@pytest.mark.parametrize("object_id", ["cabinet-0006", "cabinet-0009"])  # 153 and 141 degrees
+@pytest.mark.parametrize("target", ["link_0", "link_1"])  # hinges on the left and on the right
+def test_it_pulls_a_door_ajar_and_pushes_it_on_from_inside(object_id: str, target: str) -> None:
+    env = ManipulationEnv("OpenCabinetDoor", objects=object_id, target=target)
+    phases, success = play(env, level=1)
+    assert success
+    assert in_order(phases) == [Phase.APPROACH, Phase.REACH, Phase.GRIP, Phase.PULL, *LET_GO]
+
+
+def test_it_holds_a_flap_that_would_fall_shut() -> None:
+    env = ManipulationEnv("OpenCabinetDoor", objects=hanging_flap())
+    phases, success = play(env, level=0)
+    assert success
+    assert not set(phases) & {Phase.RELEASE, Phase.AROUND, Phase.PUSH}
+
+
+def hanging_flap() -> str:
+    """A held-out object whose flap hangs from a level hinge."""
+    for object_id in list_objects(split="ood", task="OpenCabinetDoor"):
+        env = ManipulationEnv("OpenCabinetDoor", objects=object_id)
+        env.reset(seed=0)
+        if door_of(env.snapshot, env.goal).hangs:
+            return object_id
+    pytest.skip("the catalogue has no hanging flap")
+
+
+def test_it_takes_a_door_again_that_falls_shut() -> None:
+    """The door is closed while the hand is on its way around: it begins anew."""
+    env = ManipulationEnv("OpenCabinetDoor", objects="cabinet-0005", target="link_2")
+    shut = []
+
+    def shut_it(expert: OpenCabinetExpert) -> None:
+        if expert.phase is Phase.AROUND and not shut:
+            shut.append(True)
+            env._simulation._qpos[0, env._simulation.scene.index.object_qpos] = 0.0
+
+    phases, success = play(env, 0, shut_it)
+    assert shut
+    assert phases.count(Phase.GRIP) > 8, "it gripped twice"
+    assert success or phases[-1] is Phase.PUSH, "there may not be time enough left"
+
+
+def test_a_hand_that_cannot_reach_in_tries_again_nearer_to_level(env: ManipulationEnv) -> None:
+    expert = OpenCabinetExpert(env.task.robot)
+    expert.reset(env.snapshot, env.goal)
+    low = Frame(np.array((0.0, 0.0, 0.1)), np.array(((0.0, 0, 1), (-1, 0, 0), (0, -1, 0))))
+    steep = expert._tilted(low).forward[2]
+    assert steep < -0.3, "the hand comes down on what is low"
+    expert.phase, expert._steps_in_phase = Phase.REACH, expert.config.grip.patience_steps
+    expert.act(env.snapshot, env.goal)
+    assert expert.phase is Phase.APPROACH
+    assert expert._tilted(low).forward[2] == pytest.approx(steep / 2)
+    expert.reset(env.snapshot, env.goal)
+    assert expert._tilted(low).forward[2] == steep

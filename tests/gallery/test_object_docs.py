@@ -5,10 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.catalog import resolve_objects
+from artiskill.assets.catalog import load_object, resolve_objects
 from artiskill.checks.runner import check_object
 from artiskill.exports.export import FORMATS
 
@@ -23,14 +24,22 @@ def blocks(page: str, language: str) -> list[str]:
 
 
 @pytest.mark.slow
-def test_examples_run_and_the_own_object_passes_the_checks(page: str) -> None:
-    first, second = blocks(page, "python")
+def test_examples_run_and_the_own_object_passes_the_checks(
+    page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    first, second, third = blocks(page, "python")
     exec(compile(first, "docs/objects.md", "exec"), {})
     names: dict[str, object] = {}
     exec(compile(second, "docs/objects.md", "exec"), names)
     mine = names["mine"]
     assert isinstance(mine, ArticulatedObject)
     assert not [result for result in check_object(mine) if not result.passed]
+    exec(compile(third, "docs/objects.md", "exec"), names)
+    again = load_object("./my_box")
+    assert again.target_links("prismatic") == mine.target_links("prismatic")
+    np.testing.assert_allclose(again.bounds, mine.bounds, atol=1e-6)
+    assert len(again.handles) == 1, "bar and posts are one handle"
 
 
 def test_the_split_file_is_read(page: str, tmp_path: Path) -> None:
@@ -40,7 +49,8 @@ def test_the_split_file_is_read(page: str, tmp_path: Path) -> None:
     path.write_text(text.replace(", ./my_cabinet", ""))
     found = resolve_objects(str(path))
     assert len(found) == 2 + 20
-    assert found[0] == "cabinet-0003"
+    assert found[0] == "cabinet-0004"
+    assert 2 < len(resolve_objects(str(path), "OpenCabinetDrawer")) < len(found), "a range is like a split"
 
 
 def test_every_format_and_check_is_described(page: str) -> None:

@@ -76,8 +76,8 @@ def resolve_objects(
         objects: a split (`train`, `test`, `ood`, or `all` for the first two), a YAML file with a list of names, an
             id, `generated:<category>:<seed>`, `generated:<category>:<first>..<last>`, `partnet:<id>`, a path to a
             PartNet-Mobility folder or zip, an `ArticulatedObject`, or a sequence of these.
-        task: of a split, only the objects that this task can be done with are taken; any other object must be such
-            a one. It also says which category `generated:<seed>` means.
+        task: of a split or a range of seeds, only the objects that this task can be done with are taken; any other
+            object must be such a one. It also says which category `generated:<seed>` means.
 
     Returns:
         Catalogue and generated objects as ids, which are cheap until loaded; imported and given ones as objects.
@@ -110,10 +110,22 @@ def _resolve_item(item: object, needs: Needs | None) -> Iterator[str | Articulat
         for name in read_split_file(Path(item)):
             yield from _resolve_item(name, needs)
     elif isinstance(item, str) and (found := parse_generated(item, _category(needs))) is not None:
-        for seed in found[1]:
-            yield _resolve_one(generated_id(found[0], seed), needs)
+        yield from _resolve_generated(item, *found, needs)
     else:
         yield _resolve_one(item, needs)
+
+
+def _resolve_generated(name: str, category: Category, seeds: range, needs: Needs | None) -> Iterator[str]:
+    """One object as it is; of a range, as of a split, those that the task can be done with."""
+    names = [generated_id(category, seed) for seed in seeds]
+    if needs is not None and len(names) == 1:
+        needs.check_object(load_object(names[0]))
+    elif needs is not None:
+        needs.check_category(name, category)
+        names = [one for one in names if needs.suits(load_object(one))]
+        if not names:
+            raise AssetError(f"none of the {len(seeds)} objects of {name!r} has a target for {needs.task}")
+    yield from names
 
 
 def _category(needs: Needs | None) -> Category:

@@ -48,7 +48,7 @@ class Needs:
             AssetError: no link moves as needed and carries a handle; the message says what there is.
         """
         links = tuple(links)
-        if self.motion is None or any(link.usable and link.motion == self.motion for link in links):
+        if self.motion is None or self._has_target(links):
             return
         found = ", ".join(
             f"{_WORDS[link.motion]} {link.name} ({'with a' if link.usable else 'no usable'} handle)"
@@ -66,11 +66,19 @@ class Needs:
             AssetError: it is one.
         """
         self.check_category(obj.id, obj.category)
-        links = (obj.links[i] for i in obj.jointed_links)
-        self.check_links(
-            obj.id,
-            (MovingLink(k.name, k.joint.kind, bool(obj.handles_of(k.name))) for k in links if k.joint is not None),
-        )
+        self.check_links(obj.id, _moving_links(obj))
+
+    def suits(self, obj: ArticulatedObject) -> bool:
+        """Whether an object is of the task's category and has a target."""
+        return obj.category == self.category and self._has_target(_moving_links(obj))
+
+    def _has_target(self, links: Iterable[MovingLink]) -> bool:
+        return self.motion is None or any(link.usable and link.motion == self.motion for link in links)
+
+
+def _moving_links(obj: ArticulatedObject) -> list[MovingLink]:
+    links = (obj.links[i] for i in obj.jointed_links)
+    return [MovingLink(k.name, k.joint.kind, bool(obj.handles_of(k.name))) for k in links if k.joint is not None]
 
 
 TASK_NEEDS = {

@@ -24,9 +24,14 @@ _ASIDE_M = 100.0
 _OPEN = 0.5
 # near samples whose triangles are looked at: at first, and properly
 _COARSE_CANDIDATES, _CANDIDATES = 1, 6
-# the search for the nearest neighbour: so many points of each object at first, then so many objects properly
+# The search for the nearest neighbour: so many points of each object at first, both ways; then properly those
+# whose coarse distance is below so many times the best proper one. Over all pairs of the catalogue the coarse
+# distance of near objects is 0.7 to 1.4 times the proper one, so that none is missed.
 _COARSE_POINTS = 60
-_LOOKED_AT = 6
+_LOOKED_AT = 1.4
+
+
+_Measure = Callable[["Descriptor", "Descriptor"], float]
 
 
 @dataclass(frozen=True)
@@ -103,35 +108,53 @@ def distance(first: Descriptor, second: Descriptor) -> float:
 def nearest_neighbour(one: Descriptor, others: Iterable[Descriptor]) -> Neighbour | None:
     """The most similar of several objects of the same category, None if there is none.
 
-    All are compared coarsely, the nearest few of them properly. Of equally near ones the one with the same joints
-    counts as nearer.
+    All are compared coarsely, those properly that may be the nearest. Of equally near ones the one with the same
+    joints counts as nearer.
     """
     group = [o for o in others if o.category == one.category and o.id != one.id]
-    return _nearest(one, group, distance) if group else None
+    return _nearest(one, group, _rough, distance) if group else None
 
 
 def nearest_neighbours(descriptors: Sequence[Descriptor]) -> tuple[Neighbour, ...]:
     """For each object the most similar other one, in the given order; without those alone in their category."""
+    rough, proper = _remembered(_rough), _remembered(distance)
+    groups = [[o for o in descriptors if o.category == one.category and o is not one] for one in descriptors]
+    return tuple(_nearest(one, g, rough, proper) for one, g in zip(descriptors, groups, strict=True) if g)
+
+
+def _remembered(measure: _Measure) -> _Measure:
+    """A symmetric measure that is worked out once for each pair."""
     known: dict[frozenset[str], float] = {}
 
     def remembered(first: Descriptor, second: Descriptor) -> float:
         pair = frozenset((first.id, second.id))
         if pair not in known:
-            known[pair] = distance(first, second)
+            known[pair] = measure(first, second)
         return known[pair]
 
-    groups = [[o for o in descriptors if o.category == one.category and o is not one] for one in descriptors]
-    return tuple(_nearest(one, g, remembered) for one, g in zip(descriptors, groups, strict=True) if g)
+    return remembered
 
 
-def _nearest(
-    one: Descriptor, group: Sequence[Descriptor], measure: Callable[[Descriptor, Descriptor], float]
-) -> Neighbour:
-    coarse = one.points[:: len(one.points) // _COARSE_POINTS or 1]
-    rough = [_one_way(coarse, other, _COARSE_CANDIDATES) for other in group]
-    likely = sorted(range(len(group)), key=rough.__getitem__)[:_LOOKED_AT]
-    length, other_joints, k = min((measure(one, group[k]), one.joints != group[k].joints, k) for k in likely)
+def _nearest(one: Descriptor, group: Sequence[Descriptor], rough: _Measure, proper: _Measure) -> Neighbour:
+    coarse = [rough(one, other) for other in group]
+    best: tuple[float, bool, int] | None = None
+    for k in sorted(range(len(group)), key=coarse.__getitem__):
+        if best is not None and coarse[k] > _LOOKED_AT * best[0]:
+            break
+        found = (proper(one, group[k]), one.joints != group[k].joints, k)
+        best = found if best is None else min(best, found)
+    assert best is not None, "only asked with a group"
+    length, other_joints, k = best
     return Neighbour(one.id, group[k].id, length, not other_joints)
+
+
+def _rough(first: Descriptor, second: Descriptor) -> float:
+    """A cheap estimate of the distance."""
+    ways = ((first, second), (second, first))
+    return (
+        sum(_one_way(a.points[:: len(a.points) // _COARSE_POINTS or 1], b, _COARSE_CANDIDATES) for a, b in ways)
+        / 2
+    )
 
 
 def _one_way(points: np.ndarray, target: Descriptor, candidates: int = _CANDIDATES) -> float:

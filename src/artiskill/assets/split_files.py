@@ -1,5 +1,6 @@
 """A user's own split: a YAML file that lists names of objects."""
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,4 +37,5 @@ def read_split_file(path: Path) -> tuple[str, ...]:
     nested = [name for name in names if is_split_file(name)]
     if nested:
         raise AssetError(f"split file {str(path)!r} lists another split file: {nested[0]!r}")
-    return tuple(str(path.parent / name) if is_path(name) else name for name in names)
+    # joined as text: `./mine` beside a file in the working directory must not become `mine`, which is no path
+    return tuple(os.path.join(path.parent, name) if is_path(name) else name for name in names)

@@ -1,8 +1,10 @@
 """Gymnasium wrappers for ArtiSkill's environments."""
 
+import math
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.vision import PointCloudObserver
@@ -55,6 +57,61 @@ class PointCloudDownsample(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordCons
         base = _manipulation_env(env)
         sampler = make_sampler(method, num_points, settings)
         base.observe_with(PointCloudObserver(base.task, sampler, frame))
+
+
+class FlattenDict(gym.ObservationWrapper[Any, Any, Any], gym.utils.RecordConstructorArgs):
+    """Visual observations as Stable-Baselines3 takes them: one level of keys, images, and vectors for the rest.
+
+    `{"rgbd": {"rgb", "depth", "seg"}, "agent"}` becomes `{"rgb", "depth", "seg", "agent"}`, and likewise
+    `pointcloud`. Arrays of height, width and channels in uint8 stay as they are, all others become vectors, row by
+    row: `np.reshape` with the shape that the environment underneath has takes them back. No number changes, and
+    Stable-Baselines3's own networks would flatten the same arrays.
+
+    Args:
+        env: with `obs_mode` `rgbd` or `pointcloud`, down-sampled or not.
+
+    Raises:
+        ConfigError: observations that are no dictionary, or in which a key occurs twice.
+    """
+
+    def __init__(self, env: gym.Env[Any, Any]) -> None:
+        gym.utils.RecordConstructorArgs.__init__(self)
+        gym.ObservationWrapper.__init__(self, env)
+        if not isinstance(env.observation_space, gym.spaces.Dict):
+            raise ConfigError(f"FlattenDict needs observations in a dictionary; {env} has {env.observation_space}")
+        spaces = _leaves(env.observation_space)
+        self._shapes = {key: _flat_shape(space) for key, space in spaces.items()}
+        flat: dict[str, gym.Space[Any]] = {
+            key: gym.spaces.Box(*(b.reshape(self._shapes[key]) for b in (s.low, s.high)), dtype=s.dtype.type)
+            for key, s in spaces.items()
+        }
+        self.observation_space = gym.spaces.Dict(flat)
+
+    def observation(self, observation: dict[str, Any]) -> dict[str, np.ndarray]:
+        """Of one level."""
+        return {key: leaf.reshape(self._shapes[key]) for key, leaf in _leaves(observation).items()}
+
+
+def _leaves(tree: Any) -> dict[str, Any]:
+    """What hangs below a nested dictionary, or `Dict` space, by its own key.
+
+    Raises:
+        ConfigError: a key occurs twice.
+    """
+    found: dict[str, Any] = {}
+    for key, value in tree.items():
+        below = _leaves(value) if isinstance(value, dict | gym.spaces.Dict) else {key: value}
+        twice = found.keys() & below.keys()
+        if twice:
+            raise ConfigError(f"the key {min(twice)!r} occurs twice in {list(tree)}")
+        found |= below
+    return found
+
+
+def _flat_shape(space: gym.spaces.Box) -> tuple[int, ...]:
+    """Its own for an image, else that of a vector."""
+    is_image = space.dtype == np.uint8 and len(space.shape) == 3
+    return space.shape if is_image else (math.prod(space.shape),)
 
 
 def _manipulation_env(env: gym.Env[Any, Any]) -> ManipulationEnv:

@@ -17,7 +17,7 @@ from artiskill.envs.observation import Instant
 from artiskill.envs.rendering import HEIGHT, WIDTH, Viewpoint
 from artiskill.errors import ConfigError
 from artiskill.evaluation.episodes import play_steps, run_episode
-from artiskill.evaluation.policies import Actor, load_policy
+from artiskill.evaluation.policies import load_policy
 from artiskill.evaluation.recording import (
     FRAMES_PER_S,
     LAST_FRAME_S,
@@ -35,7 +35,6 @@ from artiskill.tasks.levels import check_level
 
 STILL_SUFFIXES = (".png", ".jpg")
 MOVING_SUFFIXES = (".gif", ".webp", ".mp4")
-STILL_POLICY = "still"
 _SWEEP_FRAMES = 20  # of an object's joints, one way
 
 
@@ -58,20 +57,6 @@ class EpisodeChoice:
     level: int = 0
     policy: Any = "expert"
     config: Mapping[str, Any] = field(default_factory=dict)
-
-
-class _Still:
-    """Does nothing: all velocities zero."""
-
-    name = STILL_POLICY
-    obs_mode: str | None = None
-
-    def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
-        """Nothing to prepare."""
-
-    def act(self, env: ManipulationEnv, observation: Any) -> np.ndarray:
-        """Zeros, (A,)."""
-        return np.zeros(env.action_space.shape or ())
 
 
 def check_picture(path: Path | str) -> bool:
@@ -114,7 +99,7 @@ def picture_episode(path: Path | str, episode: EpisodeChoice, style: PictureStyl
     if moving and step:
         raise ConfigError("a step is for still pictures; a moving one shows the whole episode")
     level = check_level(episode.level)
-    actor = _load_actor(episode.policy) if moving or step else None
+    actor = load_policy(episode.policy) if moving or step else None
     obj = _one_object(episode.object, episode.task)
     env = ManipulationEnv(
         task=episode.task,
@@ -217,10 +202,6 @@ def _write_frames(path: Path | str, frames: list[np.ndarray]) -> Path:
         return write_video(path, frames, FRAMES_PER_S)
     except OSError as error:
         raise ConfigError(f"cannot write the picture {str(path)!r}: {error.strerror or error}") from error
-
-
-def _load_actor(policy: Any) -> Actor:
-    return _Still() if policy == STILL_POLICY else load_policy(policy)
 
 
 def _one_object(given: str | ArticulatedObject, task: str) -> ArticulatedObject:

@@ -1,7 +1,7 @@
-"""Policies as evaluation sees them, and the two that come with the package: `expert` and `random`."""
+"""Policies as evaluation sees them, and those that come with the package: `expert`, `random` and `still`."""
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -10,12 +10,33 @@ import numpy as np
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import PolicyError, UnknownNameError
 from artiskill.evaluation.solution import Solution, read_solution
+from artiskill.experts.move_bucket import MoveBucketExpert
 from artiskill.experts.open_cabinet import OpenCabinetExpert
+from artiskill.experts.push_chair import PushChairExpert
+from artiskill.robots.config import RobotConfig
+from artiskill.sim.snapshot import Snapshot
 
-POLICY_NAMES = ("expert", "random")
+POLICY_NAMES = ("expert", "random", "still")
 # Levels use small numbers as spawn keys (`tasks.levels.Stream`); random actions must not follow any of them.
 _RANDOM_STREAM = 1000
-_EXPERTS: Mapping[str, type[OpenCabinetExpert]] = {"OpenCabinetDrawer": OpenCabinetExpert}
+
+
+class Expert(Protocol):
+    """A privileged controller of one task."""
+
+    def reset(self, snapshot: Snapshot, goal: Any) -> None:
+        """Begin an episode at its first state (B = 1)."""
+
+    def act(self, snapshot: Snapshot, goal: Any) -> np.ndarray:
+        """The next action, (R,) in [-1, 1]."""
+
+
+_EXPERTS: Mapping[str, Callable[[RobotConfig], Expert]] = {
+    "OpenCabinetDrawer": OpenCabinetExpert,
+    "OpenCabinetDoor": OpenCabinetExpert,
+    "MoveBucket": MoveBucketExpert,
+    "PushChair": PushChairExpert,
+}
 
 
 class Actor(Protocol):
@@ -45,7 +66,7 @@ class ExpertActor:
     obs_mode: str | None = None
 
     def __init__(self) -> None:
-        self._expert: OpenCabinetExpert | None = None
+        self._expert: Expert | None = None
 
     def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
         """Begin an episode.
@@ -84,6 +105,20 @@ class RandomActor:
         return self._generator.uniform(-1.0, 1.0, env.action_space.shape or ())
 
 
+class StillActor:
+    """Action zero in every step: no velocities, fingers half open."""
+
+    name = "still"
+    obs_mode: str | None = None
+
+    def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
+        """Nothing to prepare."""
+
+    def act(self, env: ManipulationEnv, observation: Any) -> np.ndarray:
+        """Zeros, (A,)."""
+        return np.zeros(env.action_space.shape or ())
+
+
 class SolutionActor:
     """A participant's function or `Policy` object: sees observation and info only, and answers for its errors."""
 
@@ -112,7 +147,7 @@ def load_policy(policy: Any) -> Actor:
     """The actor of a name, of a solution file, or of a function or `Policy` object.
 
     Args:
-        policy: `expert`, `random`, the path of a Python file (see docs/evaluation.md), a function
+        policy: `expert`, `random`, `still`, the path of a Python file (see docs/evaluation.md), a function
             (observation) -> action, or an object with `obs_mode`, `reset` and `act`.
 
     Raises:
@@ -125,6 +160,8 @@ def load_policy(policy: Any) -> Actor:
         return ExpertActor()
     if str(policy) == "random":
         return RandomActor()
+    if str(policy) == "still":
+        return StillActor()
     path = Path(policy)
     if path.suffix != ".py" and not path.exists():
         raise UnknownNameError("policy", str(policy), POLICY_NAMES, "Also legal: the path of a file solution.py.")

@@ -1,55 +1,60 @@
 """The expert of the cabinet tasks: approach the handle, reach around it, grip, pull along the joint, be still.
 
 Closed loop: every step it looks where the hand is relative to the handle and decides anew; a grip that slips is
-taken again. It reads the snapshot and the goal, nothing else.
+taken again. Doors it pulls ajar and then pushes open from inside (`experts.door_opening`). It reads the snapshot
+and the goal, nothing else.
 """
 
 from dataclasses import dataclass
-from enum import Enum
-from typing import cast
 
 import numpy as np
 
 from artiskill.config import CONFIG_DIR, load_config
-from artiskill.experts.whole_body import WholeBodyConfig, WholeBodyController
-from artiskill.geometry.rotations import (
-    quat_from_axis_angle,
-    quat_from_matrix,
-    quat_to_matrix,
-    quat_to_rotation_vector,
+from artiskill.experts import door_opening
+from artiskill.experts.door import Door, door_of
+from artiskill.experts.door_opening import DoorConfig
+from artiskill.experts.frames import Frame, Motion, head_for, limited, rotation_error, tool_frame, yaw_rotation
+from artiskill.experts.grip import (
+    GripConfig,
+    Phase,
+    after_approach,
+    after_reach,
+    has_slipped,
+    nearest_grasp,
+    tilted,
 )
+from artiskill.experts.whole_body import WholeBodyConfig, WholeBodyController
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet.goal import OpenGoal
 
+__all__ = ["OpenCabinetExpert", "OpenCabinetExpertConfig", "Phase"]
+
+_OPEN_HANDED = (Phase.APPROACH, Phase.REACH, Phase.RELEASE)
+_INTO_LIMIT = 0.01  # pulling aims so far beyond where it stops, m, lest it creeps there
+_INTO_LIMIT_RAD = 0.03
+_HALF_TURN = np.diag((-1.0, -1.0, 1.0))  # of a hand about its own z axis
+_UPRIGHT = 0.5  # cosine to the vertical above which a hinge counts as upright
+
 
 @dataclass(frozen=True)
 class OpenCabinetExpertConfig:
-    """Distances, speeds and gains.
+    """Speeds and gains.
 
     Attributes:
-        standoff_m: the hand stops this far in front of the grasp before it reaches around the handle.
         position_gain_s: hand velocity per position error.
         rotation_gain_s: hand angular velocity per orientation error.
         posture_gain_s: joint velocity per posture error.
         approach_speed_m_s: of the hand, far from the handle.
         reach_speed_m_s: of the hand, from the standoff to the handle.
-        pull_speed_m_s: of the hand, along the joint.
+        pull_speed_m_s: of the hand, along a slide.
         turn_speed_rad_s: of the hand.
-        aligned_m: sideways error below which the hand reaches in.
-        aligned_rad: orientation error below which the hand reaches in.
-        grasp_m: distance to the grasp below which the fingers close; along the handle, where it matters less,
-            three times as much.
-        blocked_steps: after so many steps of reaching in, the fingers close where they are, if
-        blocked_m: the hand is at least this near: a panel or moulding behind the handle is in its way.
-        slip_m: distance to the grasp above which a grip counts as lost.
-        grip_steps: environment steps that the fingers get to close.
-        overshoot: how far beyond the open position to pull, as a fraction of what is left of the range.
-        finger_clearance_m: opening beyond the handle's width, each finger.
-        arm_reach_m: horizontal distance from the shoulder to the tool in the robot's rest posture.
+        overshoot: how far beyond the open position to go, as a fraction of what is left of the range.
+        grip: how handles are gripped.
+        door: how doors are opened.
+        whole_body: weights of the inverse kinematics.
     """
 
-    standoff_m: float
     position_gain_s: float
     rotation_gain_s: float
     posture_gain_s: float
@@ -57,180 +62,190 @@ class OpenCabinetExpertConfig:
     reach_speed_m_s: float
     pull_speed_m_s: float
     turn_speed_rad_s: float
-    aligned_m: float
-    aligned_rad: float
-    grasp_m: float
-    blocked_steps: int
-    blocked_m: float
-    slip_m: float
-    grip_steps: int
     overshoot: float
-    finger_clearance_m: float
-    arm_reach_m: float
+    grip: GripConfig
+    door: DoorConfig
     whole_body: WholeBodyConfig
 
 
-class Phase(Enum):
-    """What the hand is doing."""
+@dataclass(frozen=True, eq=False)
+class _Instant:
+    """What one decision rests on; `left` is the rest of the joint's way to where the expert stops."""
 
-    APPROACH = "approach"
-    REACH = "reach"
-    GRIP = "grip"
-    PULL = "pull"
-    HOLD = "hold"
-
-
-@dataclass(frozen=True)
-class _Frame:
-    """A pose of the tool in the world: position (3,) and rotation (3, 3)."""
-
-    position: np.ndarray
-    rotation: np.ndarray
+    snapshot: Snapshot
+    goal: OpenGoal
+    tool: Frame
+    grasp: Frame
+    door: Door | None
+    left: float
 
 
 class OpenCabinetExpert:
-    """Opens drawers by a gripped handle.
+    """Opens drawers and doors by their handles.
 
     Args:
         robot: who acts; its first arm is used.
         config: values; by default those that come with the package.
+
+    Attributes:
+        phase: what the hand is doing.
     """
 
     def __init__(self, robot: RobotConfig, config: OpenCabinetExpertConfig | None = None) -> None:
         self.config = config or load_config(OpenCabinetExpertConfig, CONFIG_DIR / "experts" / "open_cabinet.yaml")
         self.controller = WholeBodyController(robot, self.config.whole_body)
+        self.phase = Phase.APPROACH
         self._rest_arm = np.asarray(robot.initial.arm_qpos_rad)
         self._max_opening = float(self.controller.scale.half_range[-1] * 2)
-        self.phase = Phase.APPROACH
-        self._steps_in_phase = 0
-        self._rest_offset = np.zeros(3)
+        self._rest_offset = np.zeros(3)  # of the tool from the base, at rest
+        self._begin()
+
+    def _begin(self) -> None:
+        self.phase, self._steps_in_phase = Phase.APPROACH, 0
+        self._before_hold = Phase.PULL
+        self._held: Frame | None = None  # where the hand holds still
+        self._flipped, self._tilt = False, 1.0
 
     def reset(self, snapshot: Snapshot, goal: OpenGoal) -> None:
         """Begin an episode at its first state, in which the arm is at rest (B = 1)."""
-        self.phase, self._steps_in_phase = Phase.APPROACH, 0
-        offset = snapshot.tool_position_w[0, 0] - _base_position(snapshot)
-        self._rest_offset = _yaw_matrix(-snapshot.robot_qpos[0, 2]) @ offset
+        self._begin()
+        x, y, yaw, lift = snapshot.robot_qpos[0, :4]
+        self._rest_offset = yaw_rotation(-yaw) @ (snapshot.tool_position_w[0, 0] - (x, y, lift))
 
     def act(self, snapshot: Snapshot, goal: OpenGoal) -> np.ndarray:
         """The next action, (R,) in [-1, 1]."""
-        grasp = self._grasp(snapshot, goal)
-        tool = _Frame(snapshot.tool_position_w[0, 0], snapshot.tool_rotation_w[0, 0])
-        self._advance_phase(snapshot, goal, grasp, tool)
-        twist, wanted = self._twist(snapshot, goal, grasp, tool)
-        posture = self._posture_velocity(snapshot, wanted)
-        if self.phase is Phase.HOLD:
-            twist, posture = np.zeros(6), np.zeros_like(posture)
-        qvel = self.controller.joint_velocities(snapshot, twist, posture)
+        now = self._look(snapshot, goal)
+        phase = self._next_phase(now)
+        if phase is self.phase:
+            self._steps_in_phase += 1
+        else:
+            self._enter(phase, now)
+        motion = self._motion(now)
+        posture = self._posture_velocity(snapshot, motion.wanted)
+        qvel = self.controller.joint_velocities(snapshot, self._twist(now.tool, motion), posture)
         return self.controller.to_action(snapshot, qvel, self._opening(goal))
+
+    def _look(self, snapshot: Snapshot, goal: OpenGoal) -> _Instant:
+        stop = goal.open_qpos[0] + self.config.overshoot * (goal.upper[0] - goal.open_qpos[0])
+        return _Instant(
+            snapshot=snapshot,
+            goal=goal,
+            tool=tool_frame(snapshot),
+            grasp=self._tilted(nearest_grasp(snapshot, goal)),
+            door=door_of(snapshot, goal) if goal.turns[0] else None,
+            left=float(stop - snapshot.object_qpos[0, int(goal.joint[0])]),
+        )
+
+    def _tilted(self, frame: Frame) -> Frame:
+        """A pose whose hand comes from above where that is low."""
+        return tilted(frame, self._tilt, self._rest_offset[2], self.config.grip)
 
     # -- deciding ------------------------------------------------------------------------------------------------
 
-    def _advance_phase(self, snapshot: Snapshot, goal: OpenGoal, grasp: _Frame, tool: _Frame) -> None:
-        before = self.phase
-        error = tool.rotation.T @ (
-            grasp.position - tool.position
-        )  # in the hand's frame: x along the handle, z forward
-        angle = float(np.linalg.norm(_rotation_error(tool.rotation, grasp.rotation)))
-        if before is Phase.APPROACH:
-            self.phase = self._after_approach(error, angle)
-        elif before is Phase.REACH:
-            self.phase = self._after_reach(error, angle)
-        elif before is not Phase.HOLD and float(np.linalg.norm(error[1:])) > self.config.slip_m:
-            self.phase = Phase.APPROACH
-        elif before is Phase.GRIP and self._steps_in_phase >= self.config.grip_steps:
-            self.phase = Phase.PULL
-        elif before in (Phase.PULL, Phase.HOLD):
-            open_enough = snapshot.object_qpos[0, goal.joint[0]] >= self._stop_qpos(goal)
-            self.phase = Phase.HOLD if open_enough else Phase.PULL
-        self._steps_in_phase = self._steps_in_phase + 1 if self.phase is before else 0
+    def _next_phase(self, now: _Instant) -> Phase:
+        phase, steps = self.phase, self._steps_in_phase
+        if phase is Phase.APPROACH:
+            return after_approach(now.tool, now.grasp, self.config.grip)
+        if phase is Phase.REACH:
+            return after_reach(now.tool, now.grasp, steps, self.config.grip)
+        if phase in (Phase.GRIP, Phase.PULL) and has_slipped(now.tool, now.grasp, self.config.grip):
+            return door_opening.after_slip(now.door, self.config.door) if now.door else Phase.APPROACH
+        if phase is Phase.GRIP:
+            return Phase.PULL if steps >= self.config.grip.grip_steps else phase
+        if now.left <= 0:
+            return Phase.HOLD
+        if phase is Phase.HOLD:
+            return self._before_hold
+        if now.door is None:
+            return phase
+        if phase is Phase.PULL:
+            return Phase.RELEASE if door_opening.is_ajar(now.door, self.config.door) else phase
+        return door_opening.next_phase(phase, steps, now.door, now.tool, self.config.door)
 
-    def _after_approach(self, error: np.ndarray, angle: float) -> Phase:
-        aligned = float(np.hypot(error[0], error[1])) < self.config.aligned_m and angle < self.config.aligned_rad
-        return Phase.REACH if aligned else Phase.APPROACH
+    def _enter(self, phase: Phase, now: _Instant) -> None:
+        """Begin another phase, and remember what it needs to know about its beginning."""
+        before, steps = self.phase, self._steps_in_phase
+        if before is Phase.REACH and phase is Phase.APPROACH and steps >= self.config.grip.patience_steps:
+            self._tilt /= 2
+        if phase is Phase.HOLD:
+            self._before_hold, self._held = before, now.tool
+        if phase is Phase.AROUND and before is not Phase.PUSH:
+            self._flipped = self._should_flip(now)
+        self.phase, self._steps_in_phase = phase, 0
 
-    def _after_reach(self, error: np.ndarray, angle: float) -> Phase:
-        config = self.config
-        along, across, forward = np.abs(error)
-        if across > 3 * config.aligned_m or angle > 3 * config.aligned_rad:
-            return Phase.APPROACH
-        near = across < config.grasp_m and along < 3 * config.grasp_m
-        blocked = self._steps_in_phase >= config.blocked_steps and forward < config.blocked_m
-        return Phase.GRIP if near and (forward < config.grasp_m or blocked) else Phase.REACH
-
-    def _stop_qpos(self, goal: OpenGoal) -> float:
-        return float(goal.open_qpos[0] + self.config.overshoot * (goal.upper[0] - goal.open_qpos[0]))
+    def _should_flip(self, now: _Instant) -> bool:
+        """Whether the pushing hand should be turned about by half, so that the last joint stays in its range."""
+        assert now.door is not None
+        relative = now.tool.rotation.T @ door_opening.pushing_hand(now.door, self.config.door)
+        roll = float(np.arctan2(relative[1, 0], relative[0, 0]))
+        last = float(now.snapshot.robot_qpos[0, self.controller.num_joints - 1])
+        return abs(last + roll - np.sign(roll) * np.pi) < abs(last + roll)
 
     def _opening(self, goal: OpenGoal) -> float:
         """Position of each finger."""
-        if self.phase in (Phase.GRIP, Phase.PULL, Phase.HOLD):
+        if self.phase not in _OPEN_HANDED:
             return 0.0
-        return min(self._max_opening, float(goal.grasp_width_m[0]) / 2 + self.config.finger_clearance_m)
+        if self.phase is Phase.RELEASE:
+            return self._max_opening
+        return min(self._max_opening, float(goal.grasp_width_m[0]) / 2 + self.config.grip.finger_clearance_m)
 
     # -- moving --------------------------------------------------------------------------------------------------
 
-    def _grasp(self, snapshot: Snapshot, goal: OpenGoal) -> _Frame:
-        """The grasp pose in the world that is nearest to the hand, tilted down where the handle hangs low."""
-        link = int(goal.link[0])
-        rotation = snapshot.link_rotation_w[0, link]
-        position = snapshot.link_position_w[0, link] + rotation @ goal.grasp_positions[0, 0]
-        candidates = rotation @ goal.grasp_rotations[0]  # (G, 3, 3)
-        likeness = np.einsum("gij,ij->g", candidates, snapshot.tool_rotation_w[0, 0])
-        nearest = candidates[int(np.argmax(likeness))]
-        return _Frame(position, self._tilt(position[2]) @ nearest)
-
-    def _tilt(self, height_m: float) -> np.ndarray:
-        """Rotation that lets the shoulder swing the hand down to handles below the lift's lowest reach."""
-        drop = np.clip((self._rest_offset[2] - height_m) / self.config.arm_reach_m, 0.0, 0.7)
-        return quat_to_matrix(quat_from_axis_angle((0, 1, 0), float(np.arcsin(drop))))
-
-    def _twist(self, snapshot: Snapshot, goal: OpenGoal, grasp: _Frame, tool: _Frame) -> tuple[np.ndarray, _Frame]:
-        """The hand's velocity in this phase, and the pose it is heading for."""
-        config = self.config
-        wanted, speed = grasp, config.reach_speed_m_s
-        forward = grasp.rotation[:, 2]
-        feed = np.zeros(3)
+    def _motion(self, now: _Instant) -> Motion:
+        config, grasp = self.config, now.grasp
         if self.phase is Phase.APPROACH:
-            wanted = _Frame(grasp.position - config.standoff_m * forward, grasp.rotation)
-            speed = config.approach_speed_m_s
-        elif self.phase is Phase.PULL:
-            left = self._stop_qpos(goal) + 0.01 - float(snapshot.object_qpos[0, goal.joint[0]])
-            rotation = snapshot.link_rotation_w[0, int(goal.link[0])]
-            pull = np.clip(config.position_gain_s * left, 0.0, config.pull_speed_m_s)
-            feed = pull * (rotation @ goal.joint_axis[0])
-            wanted = _Frame(grasp.position, tool.rotation)
-        linear = _limit(config.position_gain_s * (wanted.position - tool.position), speed) + feed
-        turn = config.rotation_gain_s * _rotation_error(tool.rotation, wanted.rotation)
-        return np.concatenate((linear, _limit(turn, config.turn_speed_rad_s))), wanted
+            before = Frame(grasp.position - config.grip.standoff_m * grasp.forward, grasp.rotation)
+            return head_for(before, config.approach_speed_m_s)
+        if self.phase in (Phase.REACH, Phase.GRIP):
+            return head_for(grasp, config.reach_speed_m_s)
+        if self.phase is Phase.HOLD:
+            return head_for(self._held or now.tool, config.reach_speed_m_s)
+        return self._slide_motion(now) if now.door is None else self._door_motion(now, now.door)
 
-    def _posture_velocity(self, snapshot: Snapshot, wanted: _Frame) -> np.ndarray:
+    def _slide_motion(self, now: _Instant) -> Motion:
+        """Pulling a drawer."""
+        config = self.config
+        speed = np.clip(config.position_gain_s * (now.left + _INTO_LIMIT), 0.0, config.pull_speed_m_s)
+        axis = now.snapshot.link_rotation_w[0, int(now.goal.link[0])] @ now.goal.joint_axis[0]
+        return Motion(Frame(now.grasp.position, now.tool.rotation), config.reach_speed_m_s, speed * axis)
+
+    def _door_motion(self, now: _Instant, door: Door) -> Motion:
+        """Pulling, letting go of, going around and pushing a door."""
+        config, left = self.config.door, now.left + _INTO_LIMIT_RAD
+        if self.phase is Phase.PULL:
+            return door_opening.pull(door, left, now.grasp, now.tool, config)
+        if self.phase is Phase.RELEASE:
+            return door_opening.release(door, now.tool, config)
+        hand = self._pushing_hand(door)
+        if self.phase is Phase.AROUND:
+            return door_opening.around(door, now.tool, hand, config)
+        return door_opening.push(door, left, now.tool, hand, config)
+
+    def _pushing_hand(self, door: Door) -> np.ndarray:
+        """Rotation (3, 3) of the hand that pushes."""
+        rotation = door_opening.pushing_hand(door, self.config.door)
+        rotation = rotation @ _HALF_TURN if self._flipped else rotation
+        upright = abs(door.axis[2]) > _UPRIGHT  # else it points up or down as the flap asks
+        return self._tilted(Frame(door.hinge, rotation)).rotation if upright else rotation
+
+    def _twist(self, tool: Frame, motion: Motion) -> np.ndarray:
+        """The hand's velocity, (6,)."""
+        config, wanted = self.config, motion.wanted
+        towards = config.position_gain_s * (wanted.position - tool.position)
+        turn = config.rotation_gain_s * rotation_error(tool.rotation, wanted.rotation)
+        linear = limited(towards, motion.speed_m_s) + motion.feed_m_s
+        return np.concatenate((linear, limited(turn, config.turn_speed_rad_s)))
+
+    def _posture_velocity(self, snapshot: Snapshot, wanted: Frame) -> np.ndarray:
         """Towards the base pose and lift from which the arm at rest would reach the wanted pose."""
-        forward = wanted.rotation[:, 2]
-        yaw = float(np.arctan2(forward[1], forward[0]))
-        shoulder_drop = self._rest_offset[2]
-        base = wanted.position[:2] - (_yaw_matrix(yaw) @ self._rest_offset)[:2]
         qpos = snapshot.robot_qpos[0, : self.controller.num_joints]
-        lift = max(0.0, wanted.position[2] - shoulder_drop)
+        if self.phase is Phase.HOLD:
+            return np.zeros_like(qpos)
+        yaw = float(np.arctan2(wanted.forward[1], wanted.forward[0]))
+        base = wanted.position[:2] - (yaw_rotation(yaw) @ self._rest_offset)[:2]
+        lift = max(0.0, wanted.position[2] - self._rest_offset[2])
         posture = np.concatenate((base, (yaw, lift), self._rest_arm))
         posture[-1] = qpos[-1]  # the last joint rolls the hand as the handle asks
         error = posture - qpos
         error[2] = np.arctan2(np.sin(error[2]), np.cos(error[2]))
         return self.config.posture_gain_s * error
-
-
-def _base_position(snapshot: Snapshot) -> np.ndarray:
-    """Base x, y and lift height, (3,)."""
-    x, y, _, lift = snapshot.robot_qpos[0, :4]
-    return np.array((x, y, lift))
-
-
-def _yaw_matrix(yaw: float) -> np.ndarray:
-    return cast(np.ndarray, quat_to_matrix(quat_from_axis_angle((0, 0, 1), float(yaw))))
-
-
-def _rotation_error(current: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Rotation vector (3,) that turns `current` into `wanted`, both (3, 3), in the world frame."""
-    return cast(np.ndarray, quat_to_rotation_vector(quat_from_matrix(wanted @ current.T)))
-
-
-def _limit(vector: np.ndarray, length: float) -> np.ndarray:
-    return vector * min(1.0, length / max(float(np.linalg.norm(vector)), 1e-9))

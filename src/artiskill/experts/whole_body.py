@@ -84,7 +84,7 @@ class WholeBodyController:
         qpos = snapshot.robot_qpos[0, : self.num_joints]
         lower = np.maximum(-self._max_speed, (self._limits[:, 0] - qpos) / snapshot.step_s)
         upper = np.minimum(self._max_speed, (self._limits[:, 1] - qpos) / snapshot.step_s)
-        return _bounded_least_squares(matrix, target, np.minimum(lower, 0.0), np.maximum(upper, 0.0))
+        return bounded_least_squares(matrix, target, np.minimum(lower, 0.0), np.maximum(upper, 0.0))
 
     def to_action(self, snapshot: Snapshot, qvel: np.ndarray, finger_opening_m: float) -> np.ndarray:
         """The action that asks for joint velocities and a finger opening.
@@ -118,7 +118,7 @@ class WholeBodyController:
         return np.concatenate((linear.T, angular.T))
 
 
-def _bounded_least_squares(
+def bounded_least_squares(
     matrix: np.ndarray, target: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> np.ndarray:
     """Least squares within a box: violated bounds become active one round at a time, the rest is solved anew."""

@@ -13,7 +13,7 @@ def split_table(facts: Sequence[ObjectFacts]) -> str:
         [split, str(len(members)), *(_spread([m.of(fact) for fact in members], m) for m in MEASURES)]
         for split, members in by_split(facts).items()
     ]
-    return _markdown(head, rows)
+    return markdown(head, rows)
 
 
 def kinds_table(facts: Sequence[ObjectFacts], title: str) -> str:
@@ -22,7 +22,7 @@ def kinds_table(facts: Sequence[ObjectFacts], title: str) -> str:
     counts = {split: shares(members, KINDS[title]) for split, members in splits.items()}
     kinds = sorted({kind for row in counts.values() for kind in row})
     rows = [[kind.replace("_", " "), *(str(counts[split].get(kind, 0)) for split in splits)] for kind in kinds]
-    return _markdown([title, *splits], rows)
+    return markdown([title, *splits], rows)
 
 
 def _spread(values: list[float], measure: Measure) -> str:
@@ -32,6 +32,7 @@ def _spread(values: list[float], measure: Measure) -> str:
     return f"{low:.2f} .. {middle:.2f} .. {high:.2f}" if high < 10 else f"{low:.1f} .. {middle:.1f} .. {high:.1f}"
 
 
-def _markdown(head: list[str], rows: list[list[str]]) -> str:
+def markdown(head: list[str], rows: list[list[str]]) -> str:
+    """A table of texts."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)

@@ -12,7 +12,7 @@ from artiskill.assets.articulated_object import CollisionShape
 from artiskill.assets.buckets.section import coarse_outline
 from artiskill.assets.buckets.spec import BucketSpec
 from artiskill.assets.buckets.surface import half_width
-from artiskill.assets.parts import IDENTITY, LinkParts
+from artiskill.assets.parts import IDENTITY, LinkParts, standing_disc
 
 WALL_M = 0.007
 FLOOR_M = 0.006
@@ -70,4 +70,4 @@ def _add_floor(parts: LinkParts, spec: BucketSpec) -> None:
     elif spec.section.kind == "square":
         parts.touch(CollisionShape("box", (radius, radius, high / 2), centre, IDENTITY, part="floor"))
     else:
-        parts.touch(CollisionShape("cylinder", (radius, high / 2), centre, IDENTITY, part="floor"))
+        parts.touch(standing_disc(radius, 0.0, high, "floor"))

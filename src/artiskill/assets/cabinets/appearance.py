@@ -15,6 +15,7 @@ SCHEMES: dict[str, tuple[float, tuple[Finish, Finish, Finish]]] = {
     "wood_paint_front": (0.15, ("wood", "paint", "wood")),
     "paint_wood_front": (0.10, ("paint", "wood", "wood")),
 }
+_QUIET_PAINTS = ("white", "cream", "light_grey", "stone", "anthracite", "black")
 # Frosted panes: what lies behind is not seen through them.
 _GLASS = (("frosted", (206, 219, 224)), ("smoked", (150, 160, 164)), ("reeded", (190, 208, 206)))
 
@@ -49,8 +50,9 @@ def sample_cabinet_appearance(
     carcass_finish, front_finish, top_finish = SCHEMES[name][1]
     carcass = sample_surface(rng, carcass_finish)
     two_toned = carcass_finish != front_finish or rng.random() < 0.15
-    front = sample_surface(rng, front_finish) if two_toned else carcass
-    top = sample_surface(rng, top_finish) if top_finish != carcass_finish or rng.random() < 0.25 else carcass
+    front = sample_surface(rng, front_finish, _beside(carcass, front_finish)) if two_toned else carcass
+    own_top = top_finish != carcass_finish or rng.random() < 0.25
+    top = sample_surface(rng, top_finish, _beside(carcass, top_finish)) if own_top else carcass
     interior = (
         sample_surface(rng, "wood", ("birch", "beech", "pine"))
         if rng.random() < 0.6
@@ -71,6 +73,11 @@ def sample_cabinet_appearance(
         Surface("plastic", pane, srgb, 0, 0.7),
         sample_surface(rng, "plastic", ("black", "grey", "light_grey")),
     )
+
+
+def _beside(other: Surface, finish: Finish) -> tuple[str, ...]:
+    """What goes with another surface: beside a paint only quiet ones."""
+    return _QUIET_PAINTS if finish == other.finish == "paint" else ()
 
 
 def _handle(rng: np.random.Generator) -> Surface:

@@ -3,6 +3,7 @@
 from artiskill.assets.cabinets.boards import Boards
 from artiskill.assets.cabinets.faces import FrontMaterials
 from artiskill.assets.cabinets.fronts import add_front, bowed_outline
+from artiskill.assets.cabinets.hinges import add_hinge_arms
 from artiskill.assets.cabinets.materials import Materials
 from artiskill.assets.cabinets.spec import CabinetSpec
 from artiskill.assets.cabinets.supports import add_support
@@ -29,6 +30,8 @@ def add_carcass(parts: Boards, spec: CabinetSpec, materials: Materials) -> None:
     for cell in spec.cells:
         if cell.kind == "blind":
             add_front(parts, spec, cell, fronts, "blind_panel")
+        elif cell.kind == "door":
+            add_hinge_arms(parts, spec, cell, materials.runner)
     add_support(parts, spec, materials)
 
 

@@ -1,5 +1,6 @@
 """From a random generator to a `CabinetSpec`: sizes, style, layout, joint ranges and where handles sit."""
 
+from dataclasses import replace
 from typing import TypeGuard
 
 import numpy as np
@@ -20,6 +21,8 @@ from artiskill.assets.cabinets.supports import support_shapes
 from artiskill.assets.cabinets.tree import Edge, Placed, Region, resolve
 from artiskill.errors import AssetError
 
+_BOARDED = ("plinth", "sides")
+_PLINTH_METALS = ("brushed_steel", "black_iron")  # what plinths are faced with, if not as the carcass
 MAX_DRAWS = 500
 _PATIENCE = 50  # tries for one family and kind of handle
 # Between the fronts of a stack of inset drawers lie rails, as in joiners' chests.
@@ -91,11 +94,13 @@ def _draw_spec(
     )
     habits = draw_habits(rng, config, front, handles, support, depth, back)
     places = list(resolve(tree, region, panel))
-    boards = tuple(board for place in places for board in _boards(place, depth, back, panel, front))
+    boards = join_shelves([board for place in places for board in _boards(place, depth, back, panel, front)])
     cells = tuple(fill_cell(rng, config, place, habits) for place in places if place.leaf is not None)
     if not _all_legal(cells):
         return None
     appearance = sample_cabinet_appearance(rng, family.finishes)
+    if support.kind in _BOARDED and appearance.support.name not in _PLINTH_METALS:
+        appearance = replace(appearance, support=appearance.carcass)
     return CabinetSpec(
         family=family.name,
         held_out=family.held_out,
@@ -145,11 +150,31 @@ def _boards(place: Placed, depth: float, back: float, panel: float, front: Front
     count = place.leaf.shelves
     boards = []
     for k in range(1, count + 1):
-        # the two halves behind a pair of doors are one compartment: each half bears its half of the shelf
+        # the two halves behind a pair of doors are one compartment; their halves of a shelf are joined later
         z = rect.z0 + k * rect.height / (count + 1)
         half = Rect(rect.y0, rect.y1, round(z - panel / 2, 4), round(z + panel / 2, 4))
         boards.append(Board(half, first, last, "shelf"))
     return boards
+
+
+def join_shelves(boards: list[Board]) -> tuple[Board, ...]:
+    """One shelf in place of halves that meet, as behind a pair of doors."""
+    joined: list[Board] = []
+    for board in boards:
+        r = board.rect
+        halves = [
+            k
+            for k, other in enumerate(joined)
+            if board.part == other.part == "shelf"
+            and other.rect.y0 == r.y1
+            and (other.rect.z0, other.rect.z1, other.x0, other.x1) == (r.z0, r.z1, board.x0, board.x1)
+        ]
+        if halves:
+            other = joined[halves[0]]
+            joined[halves[0]] = replace(other, rect=replace(other.rect, y0=r.y0))
+        else:
+            joined.append(board)
+    return tuple(joined)
 
 
 def _density(rng: np.random.Generator, appearance: CabinetAppearance) -> float:

@@ -233,11 +233,13 @@ def _add_rails(pen: Pen, spec: ChairSpec, skins: Skins) -> None:
     plane, half_y = BackPlane(spec), spec.base.leg_width_m[0] / 2
     radius = spec.base.leg_height_m[0] / 2
     end = 0.55 * spec.back.height_m
+    net = spec.back.kind == "mesh"  # has no rear to end in: the tube stays behind it, on its cross bar
     for s in (-1, 1):
         v = s * min(half_y, 0.40 * spec.back.width_m)
         path = [(x, s * half_y, z) for x, z in rail_path(spec)]
         path[-1] = (plane.origin[0] + 0.012, s * half_y, path[-1][2])
-        path += [tuple(plane.point(u, v, plane.forward(u, v) - 0.5 * radius)) for u in (0.0, end)]
+        behind = radius + spec.back.thickness_m if net else 0.5 * radius
+        path += [tuple(plane.point(u, v, plane.forward(u, v) - behind)) for u in (0.0, end)]
         pen.mesh(Tube(path, radius).mesh(10, _RAIL_FILLET_M), skins.base, "seat")
         path[0] = (path[0][0], path[0][1], path[0][2] + radius + _HINGE_GAP_M)  # a capsule's end is round
         for shape in Tube(path, radius).shapes("seat", 0.7 * _RAIL_FILLET_M):

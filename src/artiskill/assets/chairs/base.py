@@ -12,7 +12,7 @@ from artiskill.assets.chairs.casters import CasterPlace, stem_height_m
 from artiskill.assets.chairs.pads import hull_shape
 from artiskill.assets.chairs.pen import Pen
 from artiskill.assets.chairs.spec import ChairSpec
-from artiskill.assets.parts import IDENTITY
+from artiskill.assets.parts import IDENTITY, standing_disc
 from artiskill.geometry.meshes import lathe
 
 _NOSE_M = 0.007  # rounded end of a leg
@@ -91,8 +91,7 @@ def add_disc(pen: Pen, spec: ChairSpec, skins: Skins) -> None:
     profile += [(tube + s * (radius - tube), DISC_M + h * rise) for s, h in shares]
     profile += [(0.0, top)]
     pen.mesh(lathe(profile, 36), skins.base, "base")
-    half = DISC_M / 2
-    pen.shape(CollisionShape("cylinder", (radius, half), np.array((0, 0, half)), IDENTITY, part="base"))
+    pen.shape(standing_disc(radius, 0.0, DISC_M, "base"))
     rings = [(tube + s * (radius - tube), DISC_M + h * rise) for s, h in shares]
     around = np.arange(_CONE_SIDES) * (2 * math.pi / _CONE_SIDES)
     circle = np.stack((np.cos(around), np.sin(around)), axis=1) * _OUTSIDE

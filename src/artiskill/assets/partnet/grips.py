@@ -108,6 +108,8 @@ def gap_behind(mesh: TriMesh, panel: TriMesh | None, outward: np.ndarray, rng: n
     along = flat @ axes[0]
     low, high = along.min(), along.max()
     middle = np.abs(along - (low + high) / 2) <= (high - low) / 4
+    if not middle.any():  # two pieces with nothing between them
+        middle[:] = True
     if panel is None:
         return np.inf
     behind = sample_surface([panel], _SAMPLES * 5, rng)

@@ -96,7 +96,7 @@ def _joint_and_position(source: Source, index: int, place: Placement) -> tuple[J
 def _grips(surface: LinkSurface, category: Category, rng: np.random.Generator, warnings: list[str]) -> list[Grip]:
     """Handles of a link with the gap behind each; none on links that do not move or never close."""
     joint = surface.joint
-    groups = [meshes for label, meshes in group_by_part(surface.drawn).items() if label.is_handle]
+    groups = _handle_groups(surface.drawn)
     if not groups or joint is None:
         return []
     if category == "cabinet" and np.isinf(joint.limits[0]):
@@ -110,6 +110,15 @@ def _grips(surface: LinkSurface, category: Category, rng: np.random.Generator, w
         warnings += grip.warnings
         found.append(grip)
     return found
+
+
+def _handle_groups(drawn: Sequence[DrawnMesh]) -> list[list[DrawnMesh]]:
+    """The meshes of each handle: of one number, such as `handle-3` and `handle_post-3`, or of one name without."""
+    groups: dict[int | str, list[DrawnMesh]] = {}
+    for label, meshes in group_by_part(drawn).items():
+        if label.is_handle:
+            groups.setdefault(label.id if label.id >= 0 else label.name, []).extend(meshes)
+    return list(groups.values())
 
 
 def _surface_points(drawn: Sequence[DrawnMesh], rng: np.random.Generator) -> np.ndarray:

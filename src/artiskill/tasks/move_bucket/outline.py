@@ -1,15 +1,25 @@
 """How far a vessel's body reaches out, by direction and height: what hands press against from the sides."""
 
+from functools import lru_cache
+from itertools import product
+
 import numpy as np
 
-from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape
+from artiskill.geometry.hulls import convex_hull
+from artiskill.geometry.rotations import transform_points
 
 DIRECTIONS = 72  # every five degrees, from the root's +x on
 LEVELS = (0.3, 0.4, 0.5, 0.6, 0.7)  # shares of the body's height
+_CACHED_OBJECTS = 256
 
 
+@lru_cache(maxsize=_CACHED_OBJECTS)
 def body_outline(obj: ArticulatedObject, bottom_m: float, top_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Where rays from the root's z axis leave what is drawn of the root link, at some heights.
+    """Where rays from the root's z axis leave the root link's collision shapes, at some heights.
+
+    What is touched counts, not what is drawn: a round wall is touched as a polygon. Shapes that are neither hulls
+    nor boxes count as the boxes around them.
 
     Args:
         obj: the object.
@@ -19,9 +29,28 @@ def body_outline(obj: ArticulatedObject, bottom_m: float, top_m: float) -> tuple
     Returns:
         (Z,) heights in the root's frame and (Z, DIRECTIONS) distances from the axis, 0 where a ray meets nothing.
     """
-    triangles = np.concatenate([v.mesh.vertices[v.mesh.faces] for v in obj.links[0].visuals])  # (T, 3, 3)
+    hulls = [convex_hull(_corners(shape)).mesh for shape in obj.links[0].collisions]
+    triangles = np.concatenate([hull.vertices[hull.faces] for hull in hulls])  # (T, 3, 3)
     heights = bottom_m + np.array(LEVELS) * (top_m - bottom_m)
     return heights, np.stack([_section_reach(triangles, z) for z in heights])
+
+
+def _corners(shape: CollisionShape) -> np.ndarray:
+    """Of a hull or of the box around any other shape, (V, 3) in the link's frame."""
+    if shape.vertices is not None:
+        local = shape.vertices
+    else:
+        local = np.array(list(product((-1.0, 1.0), repeat=3))) * _half_extents(shape)
+    return np.asarray(transform_points(shape.position, shape.quaternion, local))
+
+
+def _half_extents(shape: CollisionShape) -> tuple[float, ...]:
+    if shape.kind == "box":
+        return shape.size
+    radius = shape.size[0]
+    if shape.kind == "sphere":
+        return (radius, radius, radius)
+    return (radius, radius, shape.size[1] + (radius if shape.kind == "capsule" else 0.0))
 
 
 def _section_reach(triangles: np.ndarray, z: float) -> np.ndarray:
@@ -40,4 +69,5 @@ def _section_reach(triangles: np.ndarray, z: float) -> np.ndarray:
     met = (side[:, 0] > 0) != (side[:, 1] > 0)
     width = np.where(met, side[:, 0] - side[:, 1], 1.0)
     reach = out[:, 0] + side[:, 0] / width * (out[:, 1] - out[:, 0])
-    return np.where(met, reach, 0.0).max(axis=0, initial=0.0)
+    found: np.ndarray = np.where(met, reach, 0.0).max(axis=0, initial=0.0)
+    return found

@@ -15,6 +15,7 @@ _THICKEST_M = 0.07  # the fingers open 0.08 m
 _SHORTEST_M = 0.05  # free part of a post
 _LEAST_UPRIGHT = math.cos(0.4)
 _HANDS_WAY_M = 0.15  # what stands this near to a post blocks its height for a hand
+_UPWARDS = 0.6  # of the free part: a hand is thicker than its fingers and tilted, what is below hinders it first
 _HEIGHTS_M = (0.08, 0.5)  # where a hand can grip
 
 
@@ -97,7 +98,7 @@ def _solid(shape: CollisionShape, position: np.ndarray, rotation: np.ndarray, fi
 
 
 def _grip(post: _Solid, solids: list[_Solid]) -> np.ndarray | None:
-    """The middle of the longest part of a post that a hand reaches; None where it is too short."""
+    """A point of the longest part of a post that a hand reaches; None where it is too short."""
     same = [s for s in solids if s.is_post and math.dist(s.center[:2], post.center[:2]) < _THICKEST_M / 2]
     low = max(_HEIGHTS_M[0], min(s.span[0] for s in same))
     high = min(_HEIGHTS_M[1], max(s.span[1] for s in same))
@@ -107,7 +108,8 @@ def _grip(post: _Solid, solids: list[_Solid]) -> np.ndarray | None:
         if min(bottom, high) - start > best[1] - best[0]:
             best = (start, min(bottom, high))
         start = max(start, top)
-    return None if best[1] - best[0] < _SHORTEST_M else post.at(sum(best) / 2)
+    free = best[1] - best[0]
+    return None if free < _SHORTEST_M else post.at(best[0] + _UPWARDS * free)
 
 
 def _blocks(solid: _Solid, post: _Solid) -> bool:

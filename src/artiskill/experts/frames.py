@@ -1,0 +1,72 @@
+"""Poses and motions of the hand as an expert reckons with them: one environment, world frame."""
+
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+
+from artiskill.geometry.rotations import (
+    quat_from_axis_angle,
+    quat_from_matrix,
+    quat_to_matrix,
+    quat_to_rotation_vector,
+)
+from artiskill.sim.snapshot import Snapshot
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A pose of the tool in the world: position (3,) and rotation (3, 3), whose columns are the hand's axes."""
+
+    position: np.ndarray
+    rotation: np.ndarray
+
+    @property
+    def forward(self) -> np.ndarray:
+        """(3,) from the wrist to the fingertips."""
+        return self.rotation[:, 2]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Where the hand goes.
+
+    Attributes:
+        wanted: the pose that it heads for.
+        speed_m_s: at most, towards that pose.
+        feed_m_s: (3,) velocity on top of that.
+    """
+
+    wanted: Frame
+    speed_m_s: float
+    feed_m_s: np.ndarray
+
+
+def head_for(wanted: Frame, speed_m_s: float) -> Motion:
+    """Towards a pose that is at rest."""
+    return Motion(wanted, speed_m_s, np.zeros(3))
+
+
+def tool_frame(snapshot: Snapshot) -> Frame:
+    """Where the first arm's hand is (B = 1)."""
+    return Frame(snapshot.tool_position_w[0, 0], snapshot.tool_rotation_w[0, 0])
+
+
+def axis_rotation(axis: np.ndarray, angle_rad: float) -> np.ndarray:
+    """Rotation (3, 3) about an axis of any length but zero."""
+    return cast(np.ndarray, quat_to_matrix(quat_from_axis_angle(axis, float(angle_rad))))
+
+
+def yaw_rotation(angle_rad: float) -> np.ndarray:
+    """Rotation (3, 3) about the vertical."""
+    return axis_rotation(np.array((0.0, 0.0, 1.0)), angle_rad)
+
+
+def rotation_error(current: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Rotation vector (3,) that turns `current` into `wanted`, both (3, 3), in the world frame."""
+    return cast(np.ndarray, quat_to_rotation_vector(quat_from_matrix(wanted @ current.T)))
+
+
+def limited(vector: np.ndarray, length: float) -> np.ndarray:
+    """The vector, shortened to a length if it is longer."""
+    return vector * min(1.0, length / max(float(np.linalg.norm(vector)), 1e-9))

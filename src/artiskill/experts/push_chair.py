@@ -1,0 +1,254 @@
+"""The expert of PushChair: grip the chair low, by its column or by two legs, and carry it along with the base.
+
+A hand that has closed around an upright post can push, pull, steer and brake, whatever stands on the post. A chair
+on casters follows, one that slides too; the pull is low, so that nothing tips. The other hand stays near.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from artiskill.config import CONFIG_DIR, load_config
+from artiskill.experts.frames import Frame, limited, rotation_error, yaw_rotation
+from artiskill.experts.push_chair_config import PushChairExpertConfig
+from artiskill.experts.push_chair_plan import LEFT, RIGHT, GripPlan, make_plan
+from artiskill.experts.two_arms import ARMS, TRUNK, TwoArmController
+from artiskill.robots.config import RobotConfig
+from artiskill.sim.snapshot import Snapshot
+from artiskill.tasks.push_chair.goal import PushGoal
+
+# What makes the left arm the right one's mirror image, but for the hand, which is turned by half a turn about its
+# own axis (the same for the fingers): the last joint is symmetric about pi / 4.
+_MIRROR = np.array((-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0))
+_HALF_TURN = np.array((0.0,) * 6 + (math.pi / 2,))
+
+
+class Phase(Enum):
+    """What the robot is doing."""
+
+    CARRY = "carry"  # drives to its side of the chair, the hands low and apart
+    ALIGN = "align"
+    REACH = "reach"
+    GRIP = "grip"
+    DRIVE = "drive"
+    HOLD = "hold"  # brakes, and stays as it is
+
+
+@dataclass(frozen=True, eq=False)
+class _Aim:
+    """The plan at this instant, in the world.
+
+    Attributes:
+        hands: per hand, the pose in which it grips.
+        base_xy: (2,) where the base belongs.
+        heading_rad: which way it faces there.
+        center_xy: (2,) what it would drive around.
+    """
+
+    hands: tuple[Frame, Frame]
+    base_xy: np.ndarray
+    heading_rad: float
+    center_xy: np.ndarray
+
+
+class PushChairExpert:
+    """Takes a chair to its target by a grip on its posts.
+
+    Args:
+        robot: who acts; it has two arms.
+        config: values; by default those that come with the package.
+    """
+
+    def __init__(self, robot: RobotConfig, config: PushChairExpertConfig | None = None) -> None:
+        self.config = config or load_config(PushChairExpertConfig, CONFIG_DIR / "experts" / "push_chair.yaml")
+        self.controller = TwoArmController(robot, self.config.whole_body)
+        right = np.asarray(self.config.arm_rad)
+        self._arms = np.concatenate((right, _MIRROR * right - _HALF_TURN))
+        self._open = float(2 * self.controller.scale.half_range[-1])
+        self.phase = Phase.CARRY
+        self._steps_in_phase = 0
+        self._velocity = np.zeros(2)
+        self._held: list[Frame] = []
+        self._plan: GripPlan | None = None
+
+    def reset(self, snapshot: Snapshot, goal: PushGoal) -> None:
+        """Begin an episode at its first state (B = 1)."""
+        self.phase, self._steps_in_phase = Phase.CARRY, 0
+        self._velocity = np.zeros(2)
+        self._plan = make_plan(snapshot, goal, self.config.toe_in_rad)
+
+    def act(self, snapshot: Snapshot, goal: PushGoal) -> np.ndarray:
+        """The next action, (R,) in [-1, 1]."""
+        assert self._plan is not None
+        aim = self._aim(snapshot, self._plan)
+        self._advance_phase(snapshot, aim, self._plan)
+        trunk = self._trunk_velocity(snapshot, aim)
+        twists = np.stack([self._twist(snapshot, aim, hand, trunk) for hand in range(ARMS)])
+        gain = self.config.arm_gain_s if len(self._hands) == 1 else self.config.pair_arm_gain_s
+        if self.phase in (Phase.DRIVE, Phase.HOLD):
+            gain = 0.0
+        arms = gain * (self._arms - self.controller.qpos(snapshot)[TRUNK:])
+        qvel = self.controller.joint_velocities(snapshot, twists, np.concatenate((trunk, arms)))
+        closed = self.phase in (Phase.GRIP, Phase.DRIVE, Phase.HOLD)
+        openings = [0.0 if closed and hand in self._plan.hands else self._open for hand in range(ARMS)]
+        return self.controller.to_action(snapshot, qvel, np.array(openings))
+
+    # -- deciding ------------------------------------------------------------------------------------------------
+
+    def _aim(self, snapshot: Snapshot, plan: GripPlan) -> _Aim:
+        rotation, position = snapshot.link_rotation_w[0, 0], snapshot.link_position_w[0, 0]
+        points = position + plan.points @ rotation.T
+        side = plan.side_rad
+        if len(plan.hands) == ARMS:
+            side += math.atan2(rotation[1, 0], rotation[0, 0])
+        outward = np.array((math.cos(side), math.sin(side)))
+        heading = side + math.pi
+        toe_in, pitch = self.config.toe_in_rad, self.config.pitch_rad
+        if len(plan.hands) == ARMS:
+            toe_in, pitch = self.config.pair_toe_in_rad, 0.0
+        hands = []
+        for hand in range(ARMS):
+            yaw = heading + (toe_in if hand == RIGHT else -toe_in)
+            hands.append(Frame(points[hand], _hand_rotation(yaw, pitch, hand)))
+        middle = points[:, :2].mean(axis=0)
+        base = middle + self.config.base_distance_m * outward
+        return _Aim((hands[0], hands[1]), base, heading, position[:2])
+
+    def _advance_phase(self, snapshot: Snapshot, aim: _Aim, plan: GripPlan) -> None:
+        before, config = self.phase, self.config
+        gaps = [self._gap(snapshot, aim, hand) for hand in plan.hands]  # in the hands' frames
+        turns = [self._turn(snapshot, aim, hand) for hand in plan.hands]
+        aside = max(float(np.abs(gap[1])) for gap in gaps)
+        ahead = max(float(np.abs(gap[2])) for gap in gaps)
+        if before is Phase.CARRY:
+            self.phase = Phase.ALIGN if self._carried(snapshot, aim) else before
+        elif before is Phase.ALIGN:
+            patience = 1 + self._steps_in_phase / config.patience_steps
+            away = max(float(np.linalg.norm(gap - (0, 0, config.standoff_m))) for gap in gaps)
+            ready = away < patience * config.aligned_m and max(turns) < patience * config.aligned_rad
+            self.phase = Phase.REACH if ready else before
+        elif before is Phase.REACH and ahead < config.grip_m and aside < config.grip_m:
+            self.phase = Phase.GRIP
+        elif before is Phase.GRIP and self._steps_in_phase >= config.grip_steps:
+            self.phase = Phase.DRIVE
+            self._held = [_seen_from_base(snapshot, hand) for hand in range(ARMS)]
+        elif before in (Phase.DRIVE, Phase.HOLD):
+            away = float(np.linalg.norm(snapshot.link_position_w[0, 0, :2]))
+            self.phase = (
+                Phase.HOLD if away < (config.stop_m if before is Phase.DRIVE else config.leave_m) else Phase.DRIVE
+            )
+            if max(aside, ahead) > config.slip_m and self.phase is Phase.DRIVE:
+                self.phase, self._velocity = Phase.ALIGN, np.zeros(2)
+        self._steps_in_phase = self._steps_in_phase + 1 if self.phase is before else 0
+
+    def _carried(self, snapshot: Snapshot, aim: _Aim) -> bool:
+        low = max(
+            abs(float(snapshot.tool_position_w[0, hand, 2] - aim.hands[hand].position[2])) for hand in range(ARMS)
+        )
+        away = float(np.linalg.norm(aim.base_xy - snapshot.robot_qpos[0, :2]))
+        return max(low, away) < self.config.carried_m
+
+    @staticmethod
+    def _gap(snapshot: Snapshot, aim: _Aim, hand: int) -> np.ndarray:
+        """(3,) from the hand to its grip, in the axes of the grip."""
+        grip = aim.hands[hand]
+        return grip.rotation.T @ (grip.position - snapshot.tool_position_w[0, hand])
+
+    @staticmethod
+    def _turn(snapshot: Snapshot, aim: _Aim, hand: int) -> float:
+        wanted = aim.hands[hand].rotation
+        return float(np.linalg.norm(rotation_error(snapshot.tool_rotation_w[0, hand], wanted)))
+
+    # -- moving --------------------------------------------------------------------------------------------------
+
+    def _trunk_velocity(self, snapshot: Snapshot, aim: _Aim) -> np.ndarray:
+        """Preferred velocities of base x, y, yaw and the lift, (4,)."""
+        config, qpos = self.config, snapshot.robot_qpos[0, :TRUNK]
+        place = self._way_around(snapshot, aim) if self.phase is Phase.CARRY else aim.base_xy
+        turn = math.remainder(aim.heading_rad - qpos[2], math.tau)
+        height = max(0.0, max(float(h.position[2]) for h in aim.hands) - config.shoulder_above_m)
+        speed = self.controller.scale.half_range[:TRUNK]
+        if self.phase is Phase.HOLD:
+            return np.concatenate((self._drive(snapshot), np.zeros(2)))
+        velocity = limited(config.posture_gain_s * (place - qpos[:2]), float(speed[0]))
+        if self.phase is Phase.DRIVE:
+            velocity = self._drive(snapshot)
+        rest = np.clip(config.posture_gain_s * np.array((turn, height - qpos[3])), -speed[2:], speed[2:])
+        return np.concatenate((velocity, rest))
+
+    def _way_around(self, snapshot: Snapshot, aim: _Aim) -> np.ndarray:
+        """(2,) where the base drives next: on a circle around the chair until it is on its side."""
+        here, there = snapshot.robot_qpos[0, :2] - aim.center_xy, aim.base_xy - aim.center_xy
+        angle = math.atan2(here[1], here[0])
+        left = math.remainder(math.atan2(there[1], there[0]) - angle, math.tau)
+        if abs(left) < self.config.around_step_rad:
+            return aim.base_xy
+        angle += math.copysign(self.config.around_step_rad, left)
+        return aim.center_xy + self.config.around_distance_m * np.array((math.cos(angle), math.sin(angle)))
+
+    def _drive(self, snapshot: Snapshot) -> np.ndarray:
+        """(2,) the chair's velocity: towards the target, slower near it."""
+        config, step = self.config, self.config.drive_acceleration_m_s2 * snapshot.step_s
+        wanted = limited(-config.drive_gain_s * snapshot.link_position_w[0, 0, :2], config.drive_speed_m_s)
+        if self.phase is Phase.HOLD:
+            wanted = np.zeros(2)
+        self._velocity = self._velocity + limited(wanted - self._velocity, step)
+        return self._velocity
+
+    def _twist(self, snapshot: Snapshot, aim: _Aim, hand: int, trunk: np.ndarray) -> np.ndarray:
+        """(6,) the hand's velocity in this phase."""
+        config, tool = self.config, Frame(snapshot.tool_position_w[0, hand], snapshot.tool_rotation_w[0, hand])
+        wanted, speed = aim.hands[hand], config.hand_speed_m_s
+        feed = np.zeros(3)
+        if self.phase is Phase.CARRY:
+            wanted = self._carry_frame(snapshot, aim, hand)
+            feed = np.append(trunk[:2], 0.0)
+        elif self.phase is Phase.ALIGN or hand not in self._hands:
+            away = config.standoff_m if hand in self._hands else config.idle_m
+            wanted = Frame(wanted.position - away * wanted.forward, wanted.rotation)
+        elif self.phase is Phase.REACH:
+            speed = config.reach_speed_m_s
+        if self.phase in (Phase.DRIVE, Phase.HOLD):
+            feed = np.append(self._velocity, 0.0)
+            wanted = _back_to_world(snapshot, self._held[hand])
+        linear = feed + limited(config.position_gain_s * (wanted.position - tool.position), speed)
+        turn = config.rotation_gain_s * rotation_error(tool.rotation, wanted.rotation)
+        return np.concatenate((linear, limited(turn, config.turn_speed_rad_s)))
+
+    @property
+    def _hands(self) -> tuple[int, ...]:
+        assert self._plan is not None
+        return self._plan.hands
+
+    def _carry_frame(self, snapshot: Snapshot, aim: _Aim, hand: int) -> Frame:
+        x, y, yaw = snapshot.robot_qpos[0, :3]
+        forward, aside = self.config.carry_m
+        offset = yaw_rotation(yaw) @ np.array((forward, -aside if hand == RIGHT else aside, 0.0))
+        position = np.array((x, y, aim.hands[hand].position[2])) + offset
+        turned = yaw_rotation(yaw - aim.heading_rad) @ aim.hands[hand].rotation
+        return Frame(position, turned)
+
+
+def _seen_from_base(snapshot: Snapshot, hand: int) -> Frame:
+    """Pose of a hand in the base's frame."""
+    x, y, yaw = snapshot.robot_qpos[0, :3]
+    turn = yaw_rotation(-yaw)
+    position = snapshot.tool_position_w[0, hand] - np.array((x, y, 0.0))
+    return Frame(turn @ position, turn @ snapshot.tool_rotation_w[0, hand])
+
+
+def _back_to_world(snapshot: Snapshot, frame: Frame) -> Frame:
+    """The pose whose place in the base's frame is given."""
+    x, y, yaw = snapshot.robot_qpos[0, :3]
+    turn = yaw_rotation(yaw)
+    return Frame(np.array((x, y, 0.0)) + turn @ frame.position, turn @ frame.rotation)
+
+
+def _hand_rotation(yaw_rad: float, pitch_rad: float, hand: int) -> np.ndarray:
+    """(3, 3) of a hand that points somewhat upwards and closes sideways, its last joint far from its limits."""
+    cos, sin = math.cos(pitch_rad), math.sin(pitch_rad)
+    forward = np.array((math.cos(yaw_rad) * cos, math.sin(yaw_rad) * cos, sin))
+    y = np.array((-math.sin(yaw_rad), math.cos(yaw_rad), 0.0)) * (1.0 if hand == LEFT else -1.0)
+    return np.stack((np.cross(y, forward), y, forward), axis=-1)

@@ -1,0 +1,85 @@
+"""Values of the expert of PushChair; they stand in `configs/experts/push_chair.yaml`."""
+
+from dataclasses import dataclass
+
+from artiskill.config import check, check_positive
+from artiskill.experts.whole_body import WholeBodyConfig
+
+
+@dataclass(frozen=True)
+class PushChairExpertConfig:
+    """Distances, speeds and gains.
+
+    Attributes:
+        base_distance_m: of the base from the middle of what the hands go for.
+        around_distance_m: the same while the base drives around the chair.
+        around_step_rad: how far ahead on that circle it steers.
+        toe_in_rad: how far a hand that grips in front of the robot points inwards.
+        pair_toe_in_rad: the same where each hand has a post of its own.
+        arm_rad: posture of the right arm, mirrored for the left; elbow and wrist are as low as
+            the hand, under the seat.
+        pitch_rad: how far the hands point upwards, so that their wrists stay clear of the seat.
+        carry_m: where the hands are carried, forward and sideways of the base.
+        standoff_m: the hand stops this far in front of the post before it reaches around it.
+        idle_m: a hand that does not grip stays this far from the post.
+        shoulder_above_m: height of a grip above which the lift goes up.
+        position_gain_s: hand velocity per position error.
+        rotation_gain_s: hand angular velocity per orientation error.
+        posture_gain_s: velocity of base and lift per error.
+        arm_gain_s: joint velocity per error of the arms' posture, where one hand grips.
+        pair_arm_gain_s: the same where both do.
+        hand_speed_m_s: of a free hand.
+        reach_speed_m_s: of a hand, from the standoff to the post.
+        turn_speed_rad_s: of a hand.
+        carried_m: error of the base and the hands' height below which the hands go in.
+        aligned_m: hand's error at the standoff below which it reaches.
+        aligned_rad: likewise, of its orientation.
+        patience_steps: after so many steps twice these errors will do, and so on.
+        grip_m: distance to the post's axis below which the fingers close.
+        slip_m: distance to the post's axis above which a grip counts as lost.
+        grip_steps: environment steps that the fingers get to close.
+        drive_speed_m_s: of the chair, at most.
+        drive_gain_s: speed per distance from the target.
+        drive_acceleration_m_s2: of the chair, at most.
+        stop_m: distance to the target at which the chair is held where it is.
+        leave_m: distance from which it is driven again.
+        whole_body: weights of the inverse kinematics.
+    """
+
+    base_distance_m: float
+    around_distance_m: float
+    around_step_rad: float
+    toe_in_rad: float
+    pair_toe_in_rad: float
+    arm_rad: tuple[float, ...]
+    pitch_rad: float
+    carry_m: tuple[float, float]
+    standoff_m: float
+    idle_m: float
+    shoulder_above_m: float
+    position_gain_s: float
+    rotation_gain_s: float
+    posture_gain_s: float
+    arm_gain_s: float
+    pair_arm_gain_s: float
+    hand_speed_m_s: float
+    reach_speed_m_s: float
+    turn_speed_rad_s: float
+    carried_m: float
+    aligned_m: float
+    aligned_rad: float
+    patience_steps: int
+    grip_m: float
+    slip_m: float
+    grip_steps: int
+    drive_speed_m_s: float
+    drive_gain_s: float
+    drive_acceleration_m_s2: float
+    stop_m: float
+    leave_m: float
+    whole_body: WholeBodyConfig
+
+    def __post_init__(self) -> None:
+        check_positive(self, "base_distance_m", "drive_speed_m_s", "drive_gain_s", "drive_acceleration_m_s2")
+        check_positive(self, "grip_m", "aligned_m", "aligned_rad", "patience_steps")
+        check(self.stop_m < self.leave_m, f"stop_m = {self.stop_m} must be below leave_m = {self.leave_m}")

@@ -1,0 +1,134 @@
+"""Where an expert sees a door, and how it would move the hand: against the object's own shapes and kinematics."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from artiskill.config import CONFIG_DIR, load_config
+from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.errors import ConfigError
+from artiskill.experts import door_opening
+from artiskill.experts.door import Door, door_of
+from artiskill.experts.frames import Frame
+from artiskill.experts.grip import Phase
+from artiskill.experts.open_cabinet import OpenCabinetExpertConfig
+
+CONFIG = load_config(OpenCabinetExpertConfig, CONFIG_DIR / "experts" / "open_cabinet.yaml").door
+SIDES = ("link_0", "link_1")  # of cabinet-0006: hinges on the left and on the right
+
+
+def door_at(target: str, angle_rad: float) -> tuple[ManipulationEnv, Door]:
+    env = ManipulationEnv("OpenCabinetDoor", objects="cabinet-0006", target=target)
+    env.reset(seed=0)
+    simulation, goal = env._simulation, env.goal
+    simulation._qpos[0, simulation.scene.index.object_qpos][goal.joint[0]] = angle_rad
+    simulation._batch.forward()
+    return env, door_of(simulation.snapshot(), goal)
+
+
+def hand_at(door: Door, along_m: float, outward_m: float) -> Frame:
+    return Frame(door.point(along_m, outward_m), door_opening.pushing_hand(door, CONFIG))
+
+
+@pytest.mark.parametrize("target", SIDES)
+@pytest.mark.parametrize("angle_rad", [0.0, 0.7, 2.0])
+def test_edge_and_faces_bound_what_is_drawn(target: str, angle_rad: float) -> None:
+    env, door = door_at(target, angle_rad)
+    link = env._simulation.scene.object.links[int(env.goal.link[0])]
+    drawn = np.concatenate([visual.mesh.vertices for visual in link.visuals])
+    snapshot = env._simulation.snapshot()
+    rotation, position = (
+        a[0, int(env.goal.link[0])] for a in (snapshot.link_rotation_w, snapshot.link_position_w)
+    )
+    world = drawn @ rotation.T + position
+    along, outward = (world - door.hinge) @ door.along, (world - door.hinge) @ door.outward
+    assert along.max() == pytest.approx(door.edge_m, abs=1e-6)
+    assert outward.min() == pytest.approx(door.inner_m, abs=1e-6)
+    assert outward.max() == pytest.approx(door.outer_m, abs=1e-6)
+    assert door.inner_m < 0 < door.grasp_m < door.outer_m
+    assert door.angle_rad == pytest.approx(angle_rad)
+    grasp = position + rotation @ env.goal.grasp_positions[0, 0]
+    assert (grasp - door.hinge) @ door.axis == pytest.approx(0, abs=1e-9)
+    assert door.coordinates(grasp)[1] == pytest.approx(door.grasp_m)
+
+
+@pytest.mark.parametrize("target", SIDES)
+def test_the_arc_is_the_way_of_a_point_that_opens(target: str) -> None:
+    _, door = door_at(target, 0.5)
+    _, later = door_at(target, 0.5 + 1e-5)
+    moved = (later.point(0.3, -0.02) - door.point(0.3, -0.02)) / 1e-5
+    np.testing.assert_allclose(door.arc(door.point(0.3, -0.02)), moved, atol=1e-4)
+    assert door.arc(door.point(0.3, 0)) @ door.outward > 0, "it opens towards the room"
+
+
+@pytest.mark.parametrize("target", SIDES)
+@pytest.mark.parametrize("angle_rad", [0.6, 1.2, 2.4])
+def test_a_pushing_hand_is_slim_and_points_into_the_cabinet(target: str, angle_rad: float) -> None:
+    _, door = door_at(target, angle_rad)
+    rotation = door_opening.pushing_hand(door, CONFIG)
+    np.testing.assert_allclose(rotation.T @ rotation, np.eye(3), atol=1e-9)
+    assert np.linalg.det(rotation) == pytest.approx(1)
+    np.testing.assert_allclose(rotation[:, 1], door.axis, atol=1e-12)
+    assert rotation[0, 2] > np.cos(CONFIG.heading_rad) - 1e-6, "the cabinet lies towards +x"
+
+
+def test_the_way_around_the_edge_stays_clear_of_the_door() -> None:
+    _, door = door_at("link_0", 0.6)
+    tool, way = hand_at(door, 0.28, 0.12), []
+    for _ in range(200):
+        motion = door_opening.around(door, tool, tool.rotation, CONFIG)
+        assert motion.speed_m_s == CONFIG.around_m_s
+        step = motion.wanted.position - tool.position
+        tool = Frame(tool.position + 0.01 * step / max(np.linalg.norm(step), 1e-9), tool.rotation)
+        way.append(door.coordinates(tool.position))
+        if door_opening.next_phase(Phase.AROUND, 0, door, tool, CONFIG) is Phase.PUSH:
+            break
+    assert door_opening.next_phase(Phase.AROUND, 0, door, tool, CONFIG) is Phase.PUSH
+    for along, outward in way:
+        assert along > door.edge_m + 0.03 or outward > door.outer_m - 1e-9 or outward < door.inner_m - 0.01
+
+
+def test_what_follows_on_what() -> None:
+    _, door = door_at("link_0", 0.6)
+    at_handle, clear = hand_at(door, 0.28, door.grasp_m), hand_at(door, 0.28, door.grasp_m + 0.08)
+    assert door_opening.next_phase(Phase.RELEASE, 3, door, at_handle, CONFIG) is Phase.RELEASE
+    assert door_opening.next_phase(Phase.RELEASE, 3, door, clear, CONFIG) is Phase.AROUND
+    assert door_opening.next_phase(Phase.RELEASE, 99, door, at_handle, CONFIG) is Phase.AROUND
+    shut = dataclasses.replace(door, angle_rad=0.1)
+    assert door_opening.next_phase(Phase.AROUND, 3, shut, clear, CONFIG) is Phase.APPROACH
+    pushing, off = hand_at(door, door.edge_m - 0.04, -0.03), hand_at(door, door.edge_m + 0.05, -0.03)
+    assert door_opening.next_phase(Phase.PUSH, 3, door, pushing, CONFIG) is Phase.PUSH
+    assert door_opening.next_phase(Phase.PUSH, 3, door, off, CONFIG) is Phase.AROUND
+    assert door_opening.after_slip(door, CONFIG) is Phase.RELEASE
+    assert door_opening.after_slip(shut, CONFIG) is Phase.APPROACH
+
+
+def test_pushing_asks_for_more_where_the_door_lags_and_stops_at_the_end() -> None:
+    _, door = door_at("link_0", 1.0)
+    tool = hand_at(door, door.edge_m - 0.04, door.inner_m)
+    speeds = []
+    for rate, left in ((CONFIG.rate_rad_s, 1.0), (CONFIG.rate_rad_s / 2, 1.0), (0.0, 0.0)):
+        moving = dataclasses.replace(door, rate_rad_s=rate)
+        motion = door_opening.push(moving, left, tool, tool.rotation, CONFIG)
+        speeds.append(float(motion.feed_m_s @ door.outward))
+    assert speeds[1] > speeds[0] > speeds[2] == 0
+    assert max(speeds) <= CONFIG.push_speed_m_s
+
+
+def test_a_pulling_hand_follows_a_share_of_the_turn() -> None:
+    _, door = door_at("link_1", 0.5)
+    grasp = hand_at(door, 0.28, door.grasp_m)
+    for hangs, share in ((False, 1 - CONFIG.follow), (True, 0.0)):
+        axis = door.axis
+        seen = door if not hangs else dataclasses.replace(door, along=np.array((0.0, 0, -1)), angle_rad=0.0)
+        wanted = door_opening.pull(seen, 1.0, grasp, grasp, CONFIG).wanted.rotation
+        turn = np.arccos((np.trace(wanted @ grasp.rotation.T) - 1) / 2)
+        assert turn == pytest.approx(share * 0.5, abs=1e-6)
+        assert seen.hangs == hangs
+        np.testing.assert_allclose(wanted @ grasp.rotation.T @ axis, axis, atol=1e-9)
+
+
+def test_illegal_values_are_refused() -> None:
+    with pytest.raises(ConfigError, match="push_speed_m_s"):
+        dataclasses.replace(CONFIG, push_speed_m_s=0.0)

@@ -1,0 +1,122 @@
+"""The expert of MoveBucket and what it stands on: two-armed kinematics, outlines, places to press."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from artiskill.assets.catalog import load_object
+from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.experts.move_bucket import MoveBucketExpert, Phase
+from artiskill.experts.move_bucket_press import choose_press
+from artiskill.experts.two_arms import TwoArmController
+from artiskill.experts.whole_body import WholeBodyConfig
+from artiskill.tasks.move_bucket.goal import make_bucket_goal
+
+
+@pytest.fixture
+def env() -> ManipulationEnv:
+    env = ManipulationEnv("MoveBucket", objects="bucket-0024")
+    env.reset(seed=0)
+    return env
+
+
+def test_both_hands_follow_their_own_twists(env: ManipulationEnv) -> None:
+    controller = TwoArmController(env.task.robot, WholeBodyConfig())
+    before = env.snapshot.tool_position_w[0]
+    twists = np.array(((0.05, -0.05, 0.08, 0, 0, 0), (-0.03, 0.06, 0.02, 0, 0, 0)))
+    for _ in range(20):
+        qvel = controller.joint_velocities(env.snapshot, twists, np.zeros(controller.num_joints))
+        env.step(controller.to_action(env.snapshot, qvel, np.full(2, 0.02)))
+    np.testing.assert_allclose(env.snapshot.tool_position_w[0] - before, twists[:, :3], atol=0.02)
+
+
+def test_jacobian_is_the_derivative(env: ManipulationEnv) -> None:
+    """Against finite differences of the engine's own kinematics."""
+    controller = TwoArmController(env.task.robot, WholeBodyConfig())
+    simulation = env._simulation
+    assert simulation is not None
+    jacobian, h = controller.jacobian(env.snapshot), 1e-6
+    saved = simulation.save()
+    for k, joint in enumerate(controller.columns):
+        ends = []
+        for sign in (1, -1):
+            simulation.restore(dataclasses.replace(saved, rows=saved.rows.copy()))
+            simulation._qpos[0, joint] += sign * h
+            simulation._batch.forward()
+            ends.append(simulation.snapshot().tool_position_w[0])
+        difference = (ends[0] - ends[1]) / (2 * h)
+        np.testing.assert_allclose(jacobian[[0, 1, 2, 6, 7, 8], k], difference.reshape(-1), atol=1e-6)
+
+
+@pytest.mark.parametrize(("bucket", "aspect"), [("bucket-0002", 1.0), ("bucket-0042", 0.665)])
+def test_the_outline_is_what_collides(bucket: str, aspect: float) -> None:
+    """Of a square bucket and of an oval one, across and along."""
+    obj = load_object(bucket)
+    goal = make_bucket_goal(obj, "base")
+    outline = goal.outline[0]
+    np.testing.assert_allclose(outline[:, 0] / outline[:, 18], aspect, atol=0.02)
+    half_width = obj.metadata["width_m"] / 2
+    assert (np.diff(outline[:, 18]) >= 0).all(), "buckets widen upwards"
+    assert (outline[:, 18] < half_width + 1e-3).all()
+    assert (outline[:, 18] > 0.7 * half_width).all()
+
+
+def test_a_square_bucket_is_pressed_on_its_flats_away_from_the_platform() -> None:
+    env = ManipulationEnv("MoveBucket", objects="bucket-0010")
+    config = MoveBucketExpert(env.task.robot).config.press
+    for level in range(8):
+        env.reset(seed=level)
+        press = choose_press(env.snapshot, env.goal, config)
+        flat = np.arange(4) * np.pi / 2
+        assert np.cos(press.direction_rad - flat).max() > np.cos(0.3)
+        rotation = env.snapshot.link_rotation_w[0, 0, :2, :2]
+        left = rotation @ np.array((np.cos(press.direction_rad), np.sin(press.direction_rad)))
+        robot_side = np.array((-left[1], left[0]))  # from the bucket to where the robot will stand
+        bucket = env.snapshot.link_position_w[0, 0, :2]
+        assert robot_side @ bucket > -0.1, "the robot keeps the bucket between itself and the platform"
+
+
+def test_pushing_velocities_leave_the_trunk_alone(env: ManipulationEnv) -> None:
+    controller = TwoArmController(env.task.robot, WholeBodyConfig())
+    forces = np.array(((0.0, 30.0, 0.0), (0.0, -30.0, 0.0)))
+    push = controller.pushing_velocities(env.snapshot, forces)
+    assert (push[:4] == 0).all()
+    lever = controller.jacobian(env.snapshot).reshape(2, 6, -1)[:, :3]
+    torque = push * env.task.robot.drives.arm_damping
+    np.testing.assert_allclose(torque[4:], np.einsum("ain,ai->n", lever, forces)[4:])
+
+
+@pytest.mark.slow
+def test_it_presses_lifts_and_carries_the_bucket_level(env: ManipulationEnv) -> None:
+    expert = MoveBucketExpert(env.task.robot)
+    expert.reset(env.snapshot, env.goal)
+    phases, tilts, gaps, done = [], [], [], False
+    while not done:
+        action = expert.act(env.snapshot, env.goal)
+        assert np.abs(action).max() <= 1
+        phases.append(expert.phase)
+        _, _, terminated, truncated, info = env.step(action)
+        tilts.append(float(np.arccos(min(1.0, env.snapshot.link_rotation_w[0, 0, 2, 2]))))
+        if expert.phase is Phase.CARRY:
+            gaps.append(np.linalg.norm(np.diff(env.snapshot.tool_position_w[0], axis=0)))
+        done = terminated or truncated
+    assert info["success"]
+    order = [p for i, p in enumerate(phases) if i == 0 or p is not phases[i - 1]]
+    assert order == [Phase.APPROACH, Phase.CLOSE, Phase.CARRY]
+    assert max(tilts) < 0.1, "the bucket stays level"
+    assert np.ptp(gaps) < 0.005, "the hands neither slip nor squeeze through the wall"
+
+
+def test_the_same_episode_gives_the_same_actions(env: ManipulationEnv) -> None:
+    def actions() -> np.ndarray:
+        env.reset(seed=3)
+        expert = MoveBucketExpert(env.task.robot)
+        expert.reset(env.snapshot, env.goal)
+        taken = []
+        for _ in range(45):
+            taken.append(expert.act(env.snapshot, env.goal))
+            env.step(taken[-1])
+        return np.array(taken)
+
+    np.testing.assert_array_equal(actions(), actions())
