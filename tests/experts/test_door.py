@@ -10,7 +10,7 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError
 from artiskill.experts import door_opening
 from artiskill.experts.door import Door, door_of
-from artiskill.experts.frames import Frame
+from artiskill.experts.frames import Frame, axis_rotation
 from artiskill.experts.grip import Phase
 from artiskill.experts.open_cabinet import OpenCabinetExpertConfig
 
@@ -116,17 +116,19 @@ def test_pushing_asks_for_more_where_the_door_lags_and_stops_at_the_end() -> Non
     assert max(speeds) <= CONFIG.push_speed_m_s
 
 
-def test_a_pulling_hand_follows_a_share_of_the_turn() -> None:
+def test_a_pulling_hand_follows_the_turn_but_for_what_its_grip_can_pivot() -> None:
+    _, closed = door_at("link_1", 0.0)
     _, door = door_at("link_1", 0.5)
     grasp = hand_at(door, 0.28, door.grasp_m)
-    for hangs, share in ((False, 1 - CONFIG.follow), (True, 0.0)):
-        axis = door.axis
-        seen = door if not hangs else dataclasses.replace(door, along=np.array((0.0, 0, -1)), angle_rad=0.0)
-        wanted = door_opening.pull(seen, 1.0, grasp, grasp, CONFIG).wanted.rotation
-        turn = np.arccos((np.trace(wanted @ grasp.rotation.T) - 1) / 2)
-        assert turn == pytest.approx(share * 0.5, abs=1e-6)
-        assert seen.hangs == hangs
-        np.testing.assert_allclose(wanted @ grasp.rotation.T @ axis, axis, atol=1e-9)
+    pivoted = Frame(grasp.position, axis_rotation(door.axis, -0.3) @ grasp.rotation)
+    wide = dataclasses.replace(door, grasp_width_m=0.05)
+    hanging = dataclasses.replace(door, axis=np.array((0.0, 1, 0)), along=np.array((0.0, 0, -1)), angle_rad=0.3)
+    share = (1 - CONFIG.follow) * 0.5
+    for seen, tool, turn in ((door, pivoted, share), (door, grasp, 0), (wide, pivoted, 0), (hanging, pivoted, 0)):
+        wanted = door_opening.pull(seen, 1.0, grasp, tool, CONFIG).wanted.rotation
+        np.testing.assert_allclose(wanted, axis_rotation(door.axis, -turn) @ grasp.rotation, atol=1e-9)
+    assert hanging.hangs
+    assert not closed.hangs
 
 
 def test_illegal_values_are_refused() -> None:
