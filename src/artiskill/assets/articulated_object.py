@@ -5,15 +5,15 @@ frame has z up and the ground at z = 0 when the object stands as it should; cabi
 are float64 unless said otherwise and must be treated as read-only.
 """
 
-import hashlib
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 
+from artiskill.assets.content_hash import content_hash
 from artiskill.errors import AssetError, UnknownNameError
 from artiskill.geometry.meshes import TriMesh
 
@@ -203,16 +203,20 @@ class ArticulatedObject:
         """Indices of the links that have a joint; joint k of the object belongs to the k-th of them."""
         return tuple(i for i, link in enumerate(self.links) if link.joint is not None)
 
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """All joints, in the order of `jointed_links`."""
+        return tuple(link.joint for link in self.links if link.joint is not None)
+
+    @property
+    def rest_qpos(self) -> np.ndarray:
+        """Joint values at rest, (J,)."""
+        return np.array([joint.rest for joint in self.joints])
+
     @cached_property
     def content_hash(self) -> str:
-        """Hex digest over every number, to a nanometre or nanoradian, and every name but the id.
-
-        Rounded, because the last bits of sines and matrix products differ between processors.
-        """
-        digest = hashlib.sha256()
-        for value in (self.category, self.links, self.handles, self.bounds, dict(self.metadata)):
-            _feed(digest, value)
-        return digest.hexdigest()[:16]
+        """Hex digest over every number, to a nanometre or nanoradian, and every name but the id."""
+        return content_hash(self.category, self.links, self.handles, self.bounds, self.metadata)
 
     def link_index(self, name: str) -> int:
         """Index of a link.
@@ -267,33 +271,3 @@ def _check_joint(joint: Joint, what: str) -> None:
 def _is_unit(axis: np.ndarray) -> bool:
     bounded = bool((np.abs(axis) < 2).all())  # false for nan; and squares do not overflow
     return bounded and abs(float(np.linalg.norm(axis)) - 1) < _UNIT_TOLERANCE
-
-
-def _feed(digest: Any, value: Any) -> None:
-    """Feed any nested value of this module's types into a hash, each piece with its length, so that none merge."""
-    if isinstance(value, np.ndarray):
-        _feed_bytes(digest, f"{value.dtype}{value.shape}".encode())
-        stable = np.round(value, 9) + 0.0 if value.dtype.kind == "f" else value  # + 0.0: no negative zeros
-        _feed_bytes(digest, np.ascontiguousarray(stable).tobytes())
-    elif is_dataclass(value):
-        for f in fields(value):
-            _feed_bytes(digest, f.name.encode())
-            _feed(digest, getattr(value, f.name))
-    elif isinstance(value, Mapping):
-        _feed_bytes(digest, f"mapping of {len(value)}".encode())
-        for key in sorted(value):
-            _feed_bytes(digest, repr(key).encode())
-            _feed(digest, value[key])
-    elif isinstance(value, tuple | list):
-        _feed_bytes(digest, f"sequence of {len(value)}".encode())
-        for item in value:
-            _feed(digest, item)
-    elif isinstance(value, float):
-        _feed_bytes(digest, repr(round(float(value), 9) + 0.0).encode())
-    else:
-        _feed_bytes(digest, repr(value).encode())
-
-
-def _feed_bytes(digest: Any, data: bytes) -> None:
-    digest.update(b"%d:" % len(data))
-    digest.update(data)

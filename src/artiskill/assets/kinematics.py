@@ -62,7 +62,7 @@ def joint_values(obj: ArticulatedObject, fractions: float | Sequence[float] | np
     Raises:
         ConfigError: another number of fractions, or one outside [0, 1].
     """
-    joints = [obj.links[i].joint for i in obj.jointed_links]
+    joints = obj.joints
     shares = np.asarray(fractions, dtype=np.float64)
     if shares.ndim == 0:
         shares = np.full(len(joints), float(shares))

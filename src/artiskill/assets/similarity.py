@@ -90,13 +90,12 @@ def describe(obj: ArticulatedObject, config: DescriptorConfig | None = None) -> 
     """The descriptor of an object: the same object always gives the same one."""
     config = config or DescriptorConfig()
     rng = np.random.default_rng(0)  # fixed: the points are a property of the object
-    rest = np.array([obj.links[i].joint.rest for i in obj.jointed_links])  # type: ignore[union-attr]
     centre = np.append(np.asarray(obj.bounds)[:, :2].mean(axis=0), 0.0)
-    states = [_drawn(obj, rest), _drawn(obj, joint_values(obj, _OPEN))]
+    states = [_drawn(obj, obj.rest_qpos), _drawn(obj, joint_values(obj, _OPEN))]
     states = [state.transformed(-centre + (k * _ASIDE_M, 0, 0)) for k, state in enumerate(states)]
     points = np.concatenate([make_surface(state, config.points, rng).samples for state in states])
     whole = make_surface(merge(states), 2 * config.dense, rng)
-    kinds = tuple(obj.links[i].joint.kind for i in obj.jointed_links)  # type: ignore[union-attr]
+    kinds = tuple(joint.kind for joint in obj.joints)
     return Descriptor(obj.id, obj.category, kinds, points, whole)
 
 

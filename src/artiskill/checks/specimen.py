@@ -53,12 +53,12 @@ class Specimen:
     @property
     def joints(self) -> tuple[Joint, ...]:
         """All joints."""
-        return tuple(self.object.links[i].joint for i in self.object.jointed_links)  # type: ignore[misc]
+        return self.object.joints
 
     @property
     def rest(self) -> np.ndarray:
         """Joint values at rest, (J,)."""
-        return np.array([joint.rest for joint in self.joints])
+        return self.object.rest_qpos
 
     @cached_property
     def rolling(self) -> np.ndarray:

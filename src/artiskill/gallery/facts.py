@@ -73,10 +73,7 @@ def object_facts(obj: ArticulatedObject) -> ObjectFacts:
         family=str(meta.get("family", meta.get("model_category", meta.get("source", "unknown")))),
         size_m=(depth, width, height),
         mass_kg=round(object_mass_kg(obj), 3),
-        joints=tuple(
-            _joint_facts(obj.links[i].joint, obj.links[i].name)  # type: ignore[arg-type]
-            for i in obj.jointed_links
-        ),
+        joints=tuple(_joint_facts(link.joint, link.name) for link in obj.links if link.joint is not None),
         handles=tuple(sorted(handle.kind for handle in obj.handles)),
         tags=tuple(str(tag) for tag in meta.get("tags", ())),
         triangles=sum(len(visual.mesh.faces) for link in obj.links for visual in link.visuals),

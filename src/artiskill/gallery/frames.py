@@ -35,8 +35,7 @@ def draw_frames(obj: ArticulatedObject, config: GalleryConfig) -> np.ndarray:
 
 def joint_shares(obj: ArticulatedObject, config: GalleryConfig) -> np.ndarray:
     """Share of each joint's range at each step, (steps, J): from 0 to 1, to less for joints without end."""
-    joints = [obj.links[i].joint for i in obj.jointed_links]
-    reach = [1.0 if np.isfinite(joint.limits).all() else config.endless_turn for joint in joints if joint]
+    reach = [1.0 if np.isfinite(joint.limits).all() else config.endless_turn for joint in obj.joints]
     return np.outer(np.linspace(0.0, 1.0, config.steps), reach)
 
 

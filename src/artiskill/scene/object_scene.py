@@ -42,8 +42,7 @@ class ObjectScene:
     def rest_data(self) -> Any:
         """A new `mujoco.MjData` of the object at rest: standing where its root belongs, joints at `Joint.rest`."""
         data = mujoco.MjData(self.model)
-        obj = self.object
-        data.qpos[self.qpos] = [obj.links[i].joint.rest for i in obj.jointed_links]  # type: ignore[union-attr]
+        data.qpos[self.qpos] = self.object.rest_qpos
         mujoco.mj_forward(self.model, data)
         return data
 

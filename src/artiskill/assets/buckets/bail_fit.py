@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 
 from artiskill.assets.buckets.bail_path import bail_path
-from artiskill.assets.buckets.config import BailConfig, Range
+from artiskill.assets.buckets.config import BailConfig
 from artiskill.assets.buckets.spec import Bail, Ear, Grip, Lip, Profile, Section
 from artiskill.assets.buckets.surface import clearance_m
+from artiskill.assets.ranges import Range
 
 Rim = tuple[Section, Profile, Lip, float]  # what a bail must clear; the last is the spout
 

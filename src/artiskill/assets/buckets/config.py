@@ -1,17 +1,16 @@
 """Ranges and weights from which buckets are drawn; values: `configs/catalog/bucket_generator.yaml`."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import get_args
 
 from artiskill.assets.buckets.spec import BailKind, EarKind, FootKind, GripKind, LipKind, ProfileKind, SectionKind
+from artiskill.assets.ranges import Range, check_ranges, check_weights
 from artiskill.config import CONFIG_DIR, check, load_config
 
 GENERATOR_YAML: Path = CONFIG_DIR / "catalog" / "bucket_generator.yaml"
 
-Range = tuple[float, float]  # smallest and largest, both possible
 
 NO_BAIL = "none"
 # Field of a family -> which names its weights may have.
@@ -41,7 +40,7 @@ class MaterialConfig:
     gauge_m: Range
 
     def __post_init__(self) -> None:
-        _check_ranges(self, f"material {self.name!r}")
+        check_ranges(self, f"material {self.name!r}")
 
 
 @dataclass(frozen=True)
@@ -83,9 +82,9 @@ class FamilyConfig:
     def __post_init__(self) -> None:
         where = f"family {self.name!r}"
         check(self.weight >= 0, f"{where}: weight must be at least 0, not {self.weight!r}")
-        _check_ranges(self, where)
+        check_ranges(self, where)
         for field, legal in CHOICES.items():
-            _check_weights(getattr(self, field), legal, f"{where}: {field}")
+            check_weights(getattr(self, field), legal, f"{where}: {field}")
         check(self.taper_deg[1] <= 20, f"{where}: taper_deg must stay within 20, not {self.taper_deg[1]!r}")
         bailed = any(weight > 0 for name, weight in self.bails.items() if name != NO_BAIL)
         text = f"{where}: ears must be boss or tab where there is a bail, not {', '.join(self.ears)}"
@@ -117,7 +116,7 @@ class BailConfig:
     gap_m: float
 
     def __post_init__(self) -> None:
-        _check_ranges(self, "bail")
+        check_ranges(self, "bail")
         text = f"bail: least_limit_deg must lie in (0, {self.limit_deg[0]:g}], not {self.least_limit_deg!r}"
         check(0 < self.least_limit_deg <= self.limit_deg[0], text)
         check(self.gap_m > 0, f"bail: gap_m must be above 0, not {self.gap_m!r}")
@@ -145,7 +144,7 @@ class BucketConfig:
     foot_height_m: Range
 
     def __post_init__(self) -> None:
-        _check_ranges(self, "bucket")
+        check_ranges(self, "bucket")
         names = [material.name for material in self.materials]
         for family in self.families:
             text = f"family {family.name!r}: unknown material {family.material!r}; legal: {', '.join(names)}"
@@ -167,19 +166,3 @@ class BucketConfig:
 def default_bucket_config() -> BucketConfig:
     """The config from which the catalogue and generated buckets are made."""
     return load_config(BucketConfig, GENERATOR_YAML)
-
-
-def _check_ranges(config: object, where: str) -> None:
-    """Every field of type Range must be positive and ordered."""
-    for field in fields(config):  # type: ignore[arg-type]
-        if field.type is Range or field.type == "Range":
-            low, high = getattr(config, field.name)
-            text = f"{where}: {field.name} must be two numbers above 0, the smaller first, not {[low, high]}"
-            check(0 < low <= high, text)
-
-
-def _check_weights(weights: Mapping[str, float], legal: tuple[str, ...], where: str) -> None:
-    for name, weight in weights.items():
-        check(name in legal, f"{where}: unknown name {name!r}; legal: {', '.join(legal)}")
-        check(weight >= 0, f"{where}: the weight of {name!r} must be at least 0, not {weight!r}")
-    check(sum(weights.values()) > 0, f"{where}: at least one weight must be above 0")

@@ -1,7 +1,6 @@
 """From a random generator to a `BucketSpec`: sizes, profile, rim, foot, ears, bail, masses and colours."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -9,11 +8,12 @@ import numpy as np
 
 from artiskill.assets.buckets.appearance import sample_bucket_appearance
 from artiskill.assets.buckets.bail_fit import draw_bail
-from artiskill.assets.buckets.config import NO_BAIL, BucketConfig, FamilyConfig, Range
+from artiskill.assets.buckets.config import NO_BAIL, BucketConfig, FamilyConfig
 from artiskill.assets.buckets.masses import bail_mass_kg, body_mass_kg
 from artiskill.assets.buckets.profiles import draw_profile
 from artiskill.assets.buckets.spec import BucketSpec, Ear, Foot, Hoop, Lip, Profile, Section
 from artiskill.assets.buckets.surface import half_width
+from artiskill.assets.draws import pick, within
 from artiskill.errors import AssetError
 
 MAX_DRAWS = 500
@@ -43,7 +43,7 @@ def sample_bucket(rng: np.random.Generator, config: BucketConfig, held_out: bool
         AssetError: the config leaves (nearly) no legal bucket.
     """
     families = config.families_of(held_out)
-    name = _draw(rng, {family.name: family.weight for family in families})
+    name = pick(rng, {family.name: family.weight for family in families})
     family = next(f for f in families if f.name == name)
     for _ in range(MAX_DRAWS):
         spec = _draw_spec(rng, config, family)
@@ -57,24 +57,24 @@ def sample_bucket(rng: np.random.Generator, config: BucketConfig, held_out: bool
 def _draw_spec(rng: np.random.Generator, config: BucketConfig, family: FamilyConfig) -> BucketSpec | None:
     """One draw, or None where a rule is broken."""
     section = _draw_section(rng, family)
-    height, top = _within(rng, family.height_m), _within(rng, family.top_m) / 2
+    height, top = within(rng, family.height_m), within(rng, family.top_m) / 2
     bottom = round(top - height * math.tan(math.radians(rng.uniform(*family.taper_deg))), 4)
-    wall = _within(rng, family.wall_m)
+    wall = within(rng, family.wall_m)
     lip = _draw_lip(rng, family)
     foot = _draw_foot(rng, config, family, wall)
     start = 0.0 if foot.kind == "skirt" else foot.height_m
-    profile = draw_profile(rng, _draw(rng, family.profiles), (start, height), (bottom, top), lip.height_m)
-    spout = _within(rng, _SPOUT_M) if rng.random() < family.spout_probability else 0.0
+    profile = draw_profile(rng, pick(rng, family.profiles), (start, height), (bottom, top), lip.height_m)
+    spout = within(rng, _SPOUT_M) if rng.random() < family.spout_probability else 0.0
     floor = round(FLOOR_FACTOR * wall, 4)
     least = float(half_width(profile, np.linspace(foot.height_m + floor, height, 20)).min()) - wall
     stance = float(half_width(profile, foot.height_m)) - foot.inset_m
     if least * section.aspect < config.least_floor_m or stance * section.aspect < config.least_stance * height:
         return None
     ear = _draw_ear(rng, family, profile, lip)
-    kind = _draw(rng, family.bails)
+    kind = pick(rng, family.bails)
     bail = None
     if kind != NO_BAIL:
-        grip = _draw(rng, family.grips)
+        grip = pick(rng, family.grips)
         bail = draw_bail(rng, config.bail, kind, grip, (section, profile, lip, spout), ear)
         if bail is None:
             return None
@@ -105,21 +105,21 @@ def _draw_spec(rng: np.random.Generator, config: BucketConfig, family: FamilyCon
 
 
 def _draw_section(rng: np.random.Generator, family: FamilyConfig) -> Section:
-    kind: Any = _draw(rng, family.sections)
-    corner = _within(rng, _CORNERS[kind]) if kind in _CORNERS else 0.0
-    return Section(kind, corner, _within(rng, _ASPECT) if kind == "oval" else 1.0)
+    kind: Any = pick(rng, family.sections)
+    corner = within(rng, _CORNERS[kind]) if kind in _CORNERS else 0.0
+    return Section(kind, corner, within(rng, _ASPECT) if kind == "oval" else 1.0)
 
 
 def _draw_lip(rng: np.random.Generator, family: FamilyConfig) -> Lip:
-    kind: Any = _draw(rng, family.lips)
-    overhang = _within(rng, family.lip_m)
-    height = _within(rng, _LIP_HEIGHT_M[kind])
+    kind: Any = pick(rng, family.lips)
+    overhang = within(rng, family.lip_m)
+    height = within(rng, _LIP_HEIGHT_M[kind])
     return Lip(kind, overhang, round(overhang + height, 4) if kind == "rolled" else height)
 
 
 def _draw_foot(rng: np.random.Generator, config: BucketConfig, family: FamilyConfig, wall: float) -> Foot:
-    kind: Any = _draw(rng, family.feet)
-    height, inset = _within(rng, config.foot_height_m), _within(rng, (0.003, 0.006))
+    kind: Any = pick(rng, family.feet)
+    height, inset = within(rng, config.foot_height_m), within(rng, (0.003, 0.006))
     if kind == "flat":
         return Foot(kind, 0.0, 0.0)
     return Foot(kind, height, inset if kind == "ring" else 0.0)
@@ -127,17 +127,17 @@ def _draw_foot(rng: np.random.Generator, config: BucketConfig, family: FamilyCon
 
 def _draw_ear(rng: np.random.Generator, family: FamilyConfig, profile: Profile, lip: Lip) -> Ear:
     """Where the ears sit; how far those of a bail reach is known once the bail is fitted."""
-    kind: Any = _draw(rng, family.ears)
+    kind: Any = pick(rng, family.ears)
     rim = profile.knots[-1][0]
     below, above = float(rng.uniform(0.003, 0.014)), float(rng.uniform(0.008, 0.013))
     if kind == "boss":
-        radius = _within(rng, (0.010, 0.014))
+        radius = within(rng, (0.010, 0.014))
         return Ear(kind, round(rim - lip.height_m - radius - below, 4), 0.0, radius, radius)
     if kind == "tab":
-        return Ear(kind, round(rim + above, 4), 0.0, _within(rng, (0.012, 0.018)), _TAB_HALF_M)
+        return Ear(kind, round(rim + above, 4), 0.0, within(rng, (0.012, 0.018)), _TAB_HALF_M)
     z = round(rim * float(rng.uniform(0.68, 0.8)), 4)
     reach = max(float(half_width(profile, z)), profile.knots[-1][1] - 0.01) + float(rng.uniform(0.038, 0.048))
-    return Ear(kind, z, round(reach, 4), _within(rng, (0.045, 0.06)), _within(rng, (0.0035, 0.005)))
+    return Ear(kind, z, round(reach, 4), within(rng, (0.045, 0.06)), within(rng, (0.0035, 0.005)))
 
 
 def _draw_hoops(rng: np.random.Generator, family: FamilyConfig, profile: Profile) -> tuple[Hoop, ...]:
@@ -145,18 +145,7 @@ def _draw_hoops(rng: np.random.Generator, family: FamilyConfig, profile: Profile
     if family.material != "wood":
         return ()
     low, high = profile.knots[0][0], profile.knots[-1][0]
-    width = _within(rng, (0.014, 0.022))
+    width = within(rng, (0.014, 0.022))
     places = (0.14, 0.76) if rng.random() < 0.6 else (0.1, 0.45, 0.8)
     starts = [round(low + share * (high - low), 4) for share in places]
     return tuple(Hoop(z, round(z + width, 4)) for z in starts)
-
-
-def _draw(rng: np.random.Generator, weights: Mapping[str, float]) -> str:
-    names = list(weights)
-    shares = np.array([weights[name] for name in names], dtype=float)
-    return names[int(rng.choice(len(names), p=shares / shares.sum()))]
-
-
-def _within(rng: np.random.Generator, limits: Range) -> float:
-    """Uniform, to a tenth of a millimetre."""
-    return round(float(rng.uniform(*limits)), 4)

@@ -1,14 +1,14 @@
 """Ranges and weights from which cabinets are drawn; values: `configs/catalog/cabinet_generator.yaml`."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from artiskill.assets.ranges import Range, check_ranges, check_weights
 from artiskill.config import CONFIG_DIR, check, load_config
 
 GENERATOR_YAML: Path = CONFIG_DIR / "catalog" / "cabinet_generator.yaml"
 
-Range = tuple[float, float]  # smallest and largest, both possible
 
 LAYOUTS = ("columns", "rows", "strip", "drawers", "door", "flap", "open", "blind")
 STRIPS = ("drawers", "open", "blind")
@@ -63,9 +63,9 @@ class FamilyConfig:
     def __post_init__(self) -> None:
         where = f"family {self.name!r}"
         check(self.weight >= 0, f"{where}: weight must be at least 0, not {self.weight!r}")
-        _check_ranges(self, where)
+        check_ranges(self, where)
         for name, legal in (("supports", SUPPORTS), ("layouts", LAYOUTS), ("faces", FACES), ("handles", HANDLES)):
-            _check_weights(getattr(self, name), legal, f"{where}: {name}")
+            check_weights(getattr(self, name), legal, f"{where}: {name}")
         flush = {"lip", "slot"} & {name for name, weight in self.handles.items() if weight > 0}
         check(self.bow_m is None or not flush, f"{where}: a bowed front has no handle of kind {sorted(flush)}")
 
@@ -132,12 +132,12 @@ class HandleConfig:
     mixed_probability: float
 
     def __post_init__(self) -> None:
-        _check_ranges(self, "handle")
+        check_ranges(self, "handle")
         for name in ("centres_m", "cup_centres_m"):
             check(len(getattr(self, name)) > 0, f"handle: {name} must name at least one distance")
-        _check_weights(self.bar_shapes, ("round", "square", "flat"), "handle: bar_shapes")
-        _check_weights(self.bow_shapes, ("arch", "d", "strap"), "handle: bow_shapes")
-        _check_weights(self.knob_shapes, ("disc", "mushroom", "ball", "cone", "square"), "handle: knob_shapes")
+        check_weights(self.bar_shapes, ("round", "square", "flat"), "handle: bar_shapes")
+        check_weights(self.bow_shapes, ("arch", "d", "strap"), "handle: bow_shapes")
+        check_weights(self.knob_shapes, ("disc", "mushroom", "ball", "cone", "square"), "handle: knob_shapes")
         least = self.diameter_m[1] + self.clearance_m
         check(least <= self.projection_m[1], f"handle: projection_m must reach {least:g} (diameter and clearance)")
 
@@ -211,9 +211,9 @@ class CabinetConfig:
     handle: HandleConfig
 
     def __post_init__(self) -> None:
-        _check_ranges(self, "cabinet")
-        _check_weights(self.strips, STRIPS, "strips")
-        _check_weights(self.leg_shapes, LEG_SHAPES, "leg_shapes")
+        check_ranges(self, "cabinet")
+        check_weights(self.strips, STRIPS, "strips")
+        check_weights(self.leg_shapes, LEG_SHAPES, "leg_shapes")
         for held_out, name in ((False, "training"), (True, "held out")):
             weights = [f.weight for f in self.families if f.held_out == held_out]
             check(sum(weights) > 0, f"families: at least one weight must be above 0 ({name})")
@@ -231,20 +231,3 @@ class CabinetConfig:
 def default_cabinet_config() -> CabinetConfig:
     """The config from which the catalogue and `generated:<seed>` are made."""
     return load_config(CabinetConfig, GENERATOR_YAML)
-
-
-def _check_ranges(config: object, where: str) -> None:
-    """Every field of type Range must be positive and ordered."""
-    for field in fields(config):  # type: ignore[arg-type]
-        value = getattr(config, field.name)
-        if field.type in (Range, "Range", Range | None) and value is not None:
-            low, high = value
-            text = f"{where}: {field.name} must be two numbers above 0, the smaller first, not {[low, high]}"
-            check(0 < low <= high, text)
-
-
-def _check_weights(weights: dict[str, float], legal: tuple[str, ...], where: str) -> None:
-    for name, weight in weights.items():
-        check(name in legal, f"{where}: unknown name {name!r}; legal: {', '.join(legal)}")
-        check(weight >= 0, f"{where}: the weight of {name!r} must be at least 0, not {weight!r}")
-    check(sum(weights.values()) > 0, f"{where}: at least one weight must be above 0")

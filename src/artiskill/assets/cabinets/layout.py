@@ -6,6 +6,7 @@ import numpy as np
 
 from artiskill.assets.cabinets.config import CabinetConfig, FamilyConfig
 from artiskill.assets.cabinets.tree import Leaf, Node, Split
+from artiskill.assets.draws import pick
 
 MAX_DEPTH = 3
 
@@ -26,7 +27,7 @@ class Composer:
     def compose(self, width: float, height: float, depth: int = 0) -> Node:
         """What a clear region of this size becomes."""
         weights = {k: w for k, w in self._family.layouts.items() if self._fits(k, width, height, depth)}
-        kind = draw(self._rng, weights) if sum(weights.values()) > 0 else "open"
+        kind = pick(self._rng, weights) if sum(weights.values()) > 0 else "open"
         if kind == "columns":
             return self._columns(width, height, depth)
         if kind == "rows":
@@ -81,7 +82,7 @@ class Composer:
         kinds = dict(c.strips)
         if not _within(width, c.drawer_width_m):
             kinds["drawers"] = 0.0
-        kind = draw(self._rng, kinds)
+        kind = pick(self._rng, kinds)
         low, high = c.drawer_height_m
         most = min(0.22 if kind != "open" else 0.32, height - 1.3 * low, high)
         size = round(float(self._rng.uniform(low, max(low, most))), 4)
@@ -142,13 +143,6 @@ class Composer:
         if width > 0.6:
             children[0] = self._drawer_row(width)
         return Split("rows", sizes, tuple(children), divider)
-
-
-def draw(rng: np.random.Generator, weights: dict[str, float]) -> str:
-    """One key, by its weight."""
-    names = list(weights)
-    p = np.array([weights[n] for n in names], dtype=float)
-    return names[int(rng.choice(len(names), p=p / p.sum()))]
 
 
 def _rounded(values: np.ndarray) -> tuple[float, ...]:

@@ -11,14 +11,15 @@ from artiskill.assets.cabinets.config import CabinetConfig, FamilyConfig
 from artiskill.assets.cabinets.drawers import BOX_SHAPES
 from artiskill.assets.cabinets.fronts import front_shapes
 from artiskill.assets.cabinets.habits import draw_habits
-from artiskill.assets.cabinets.layout import Composer, draw
+from artiskill.assets.cabinets.layout import Composer
 from artiskill.assets.cabinets.openings import fill_cell
 from artiskill.assets.cabinets.placing import hands_have_room
 from artiskill.assets.cabinets.pulls import pull_shapes
 from artiskill.assets.cabinets.spec import Board, CabinetSpec, Cell, FrontStyle, HandleKind, Rect, Support, Top
-from artiskill.assets.cabinets.styles import draw_front, draw_handles, draw_support, draw_top, within
+from artiskill.assets.cabinets.styles import draw_front, draw_handles, draw_support, draw_top
 from artiskill.assets.cabinets.supports import support_shapes
 from artiskill.assets.cabinets.tree import Edge, Placed, Region, resolve
+from artiskill.assets.draws import pick, within
 from artiskill.errors import AssetError
 
 _BOARDED = ("plinth", "sides")
@@ -49,8 +50,8 @@ def sample_cabinet(rng: np.random.Generator, config: CabinetConfig, held_out: bo
     families = {f.name: f for f in config.families if f.held_out == held_out}
     for _ in range(MAX_DRAWS // _PATIENCE):
         # drawn once for many tries: what fits less often is not made less often
-        family = families[draw(rng, {name: f.weight for name, f in families.items()})]
-        kind = draw(rng, family.handles)
+        family = families[pick(rng, {name: f.weight for name, f in families.items()})]
+        kind = pick(rng, family.handles)
         for _ in range(_PATIENCE):
             spec = _draw_spec(rng, config, family, kind)  # type: ignore[arg-type]
             if spec is not None and _is_legal(spec, config):

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from artiskill.assets.cabinets.config import CabinetConfig, FamilyConfig, HandleConfig, Range
-from artiskill.assets.cabinets.layout import draw
+from artiskill.assets.cabinets.config import CabinetConfig, FamilyConfig, HandleConfig
 from artiskill.assets.cabinets.pulls.bars import FLAT_BAR_M, STRAP_M
 from artiskill.assets.cabinets.pulls.knobs import HEADS
 from artiskill.assets.cabinets.spec import BUMPER_M, FrontStyle, HandleKind, HandleModel, Support, Top
+from artiskill.assets.draws import pick, within
 from artiskill.assets.finishes import GRAIN_TILE_M
 
 _FRAMED = ("shaker", "raised", "glazed", "louvred")
@@ -16,15 +16,10 @@ _CORNICE_STEP_M = (0.012, 0.02)
 _DOOR_KINDS: tuple[HandleKind, ...] = ("bar", "bow", "knob")  # beside another kind on the drawers
 
 
-def within(rng: np.random.Generator, limits: Range) -> float:
-    """Uniform, to a tenth of a millimetre."""
-    return round(float(rng.uniform(*limits)), 4)
-
-
 def draw_front(rng: np.random.Generator, config: CabinetConfig, family: FamilyConfig) -> FrontStyle:
     """How the fronts are made."""
     inset = rng.random() < family.inset_probability
-    face = draw(rng, family.faces)
+    face = pick(rng, family.faces)
     framed = face in _FRAMED
     return FrontStyle(
         mount="inset" if inset else "overlay",
@@ -58,8 +53,8 @@ def draw_top(
 
 def draw_support(rng: np.random.Generator, config: CabinetConfig, family: FamilyConfig, width_m: float) -> Support:
     """What it stands on."""
-    kind = draw(rng, family.supports)
-    shape = draw(rng, config.leg_shapes)
+    kind = pick(rng, family.supports)
+    shape = pick(rng, config.leg_shapes)
     leg = within(rng, (0.026, 0.05))
     setback = within(rng, (0.02, 0.06))
     height = within(rng, config.leg_height_m)
@@ -102,7 +97,7 @@ def draw_handle(rng: np.random.Generator, config: HandleConfig, kind: HandleKind
 
 
 def _bar(rng: np.random.Generator, c: HandleConfig) -> HandleModel:
-    shape, d = draw(rng, c.bar_shapes), within(rng, c.diameter_m)
+    shape, d = pick(rng, c.bar_shapes), within(rng, c.diameter_m)
     projection = _projection(rng, c, FLAT_BAR_M if shape == "flat" else d)
     overhang = d / 2 if rng.random() < 0.4 else within(rng, (0.015, 0.04))
     post = min(d - 0.001, within(rng, (0.007, 0.012)))
@@ -110,7 +105,7 @@ def _bar(rng: np.random.Generator, c: HandleConfig) -> HandleModel:
 
 
 def _bow(rng: np.random.Generator, c: HandleConfig) -> HandleModel:
-    shape, d = draw(rng, c.bow_shapes), within(rng, c.diameter_m)
+    shape, d = pick(rng, c.bow_shapes), within(rng, c.diameter_m)
     if shape != "strap":
         d = round(min(d, 0.014), 4)
     return HandleModel("bow", shape, d, _projection(rng, c, STRAP_M if shape == "strap" else d), d, d / 2, d)
@@ -122,7 +117,7 @@ def _projection(rng: np.random.Generator, c: HandleConfig, thickness: float) -> 
 
 
 def _knob(rng: np.random.Generator, c: HandleConfig) -> HandleModel:
-    shape, d = draw(rng, c.knob_shapes), within(rng, c.knob_m)
+    shape, d = pick(rng, c.knob_shapes), within(rng, c.knob_m)
     if shape == "ball":
         d = round(min(d, 0.034), 4)
     head = 0.0 if shape == "cone" else HEADS[shape] * d

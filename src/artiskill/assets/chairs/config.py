@@ -1,16 +1,15 @@
 """Ranges and weights from which chairs are drawn; values: `configs/catalog/chair_generator.yaml`."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 from artiskill.assets.finishes import Finish
+from artiskill.assets.ranges import Range, check_ranges, check_weights
 from artiskill.config import CONFIG_DIR, check, load_config
 
 GENERATOR_YAML: Path = CONFIG_DIR / "catalog" / "chair_generator.yaml"
 
-Range = tuple[float, float]  # smallest and largest, both possible
 
 BASES = ("star4", "star5", "disc", "sled", "cantilever")
 CASTERS = ("twin", "single", "ball")
@@ -66,7 +65,7 @@ class FamilyConfig:
     def __post_init__(self) -> None:
         where = f"family {self.name!r}"
         check(self.weight >= 0, f"{where}: weight must be at least 0, not {self.weight!r}")
-        _check_ranges(self, where)
+        check_ranges(self, where, zero=True)
         for name, legal in (
             ("bases", BASES),
             ("seats", SEATS),
@@ -76,9 +75,9 @@ class FamilyConfig:
             ("structures", STRUCTURES),
             ("covers", COVERS),
         ):
-            _check_weights(getattr(self, name), legal, f"{where}: {name}")
+            check_weights(getattr(self, name), legal, f"{where}: {name}")
         if any(self.bases.get(name, 0) > 0 for name in ("star4", "star5")):
-            _check_weights(self.casters, CASTERS, f"{where}: casters")
+            check_weights(self.casters, CASTERS, f"{where}: casters")
 
 
 @dataclass(frozen=True)
@@ -89,7 +88,7 @@ class SeatConfig:
     shape_m: Range
 
     def __post_init__(self) -> None:
-        _check_ranges(self, "seat")
+        check_ranges(self, "seat", zero=True)
 
 
 @dataclass(frozen=True)
@@ -113,7 +112,7 @@ class BackConfig:
     wrap_m: Range
 
     def __post_init__(self) -> None:
-        _check_ranges(self, "back")
+        check_ranges(self, "back", zero=True)
         check(self.lean_deg[1] <= _MOST_LEAN_DEG, f"back: lean_deg must stay within {_MOST_LEAN_DEG:g}")
 
 
@@ -135,7 +134,7 @@ class MassConfig:
     headrest_kg: Range
 
     def __post_init__(self) -> None:
-        _check_ranges(self, "masses")
+        check_ranges(self, "masses", zero=True)
         check(set(self.base_kg) >= set(STRUCTURES), f"masses: base_kg needs the keys {', '.join(STRUCTURES)}")
 
 
@@ -189,7 +188,7 @@ class ChairConfig:
     masses: MassConfig
 
     def __post_init__(self) -> None:
-        _check_ranges(self, "chair")
+        check_ranges(self, "chair", zero=True)
         for held_out in (False, True):
             weight = sum(f.weight for f in self.families if f.held_out == held_out)
             check(weight > 0, f"families: at least one with held_out {held_out} needs a weight above 0")
@@ -201,19 +200,3 @@ class ChairConfig:
 def default_chair_config() -> ChairConfig:
     """The config from which the catalogue and generated chairs are made; read once, to be left as it is."""
     return load_config(ChairConfig, GENERATOR_YAML)
-
-
-def _check_ranges(config: object, where: str) -> None:
-    """Every field of type Range must be ordered and not negative."""
-    for field in fields(config):  # type: ignore[arg-type]
-        if field.type is Range or field.type == "Range":
-            low, high = getattr(config, field.name)
-            text = f"{where}: {field.name} must be two numbers of at least 0, the smaller first, not {[low, high]}"
-            check(0 <= low <= high, text)
-
-
-def _check_weights(weights: Mapping[str, float], legal: tuple[str, ...], where: str) -> None:
-    for name, weight in weights.items():
-        check(name in legal, f"{where}: unknown name {name!r}; legal: {', '.join(legal)}")
-        check(weight >= 0, f"{where}: the weight of {name!r} must be at least 0, not {weight!r}")
-    check(sum(weights.values()) > 0, f"{where}: at least one weight must be above 0")

@@ -8,10 +8,10 @@ from artiskill.assets.chairs.appearance import sample_chair_appearance
 from artiskill.assets.chairs.base import hub_top_m
 from artiskill.assets.chairs.column import tube_top_m
 from artiskill.assets.chairs.config import ChairConfig, FamilyConfig, MassConfig
-from artiskill.assets.chairs.draws import chance, pick, within
 from artiskill.assets.chairs.sample_lower import draw_base, draw_casters, draw_column
 from artiskill.assets.chairs.sample_upper import draw_arms, draw_back, draw_seat
 from artiskill.assets.chairs.spec import Arms, Back, Base, Casters, ChairSpec, Column, Masses, Mechanism, Seat
+from artiskill.assets.draws import chance, pick, within
 from artiskill.errors import AssetError
 
 MAX_DRAWS = 500

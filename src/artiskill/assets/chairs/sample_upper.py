@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from artiskill.assets.chairs.config import ChairConfig, FamilyConfig
-from artiskill.assets.chairs.draws import chance, pick, within
 from artiskill.assets.chairs.spec import ArmKind, Arms, Back, BackKind, Headrest, Seat, SeatKind
+from artiskill.assets.draws import chance, pick, within
 
 _SOFT = ("fabric", "leather")
 _MOST_FALL = 0.6  # of its thickness, that a seat's edge may sink

@@ -61,7 +61,7 @@ def sample_initial_state(
     beyond = direction + rng.uniform(-config.robot_direction_rad, config.robot_direction_rad)
     base = bucket + polar(rng.uniform(*config.robot_distance_m), beyond)
     heading = beyond + math.pi + rng.uniform(-config.heading_noise_rad, config.heading_noise_rad)
-    joints = [link.joint for link in obj.links if link.joint is not None]
+    joints = obj.joints
     own = np.array([joint.limits for joint in joints]).reshape(-1, 2)
     limits = own + config.bail_margin * np.diff(own, axis=1) * np.array((1.0, -1.0))
     middle, rim = body_box(obj).mean(axis=0), body_box(obj)[1, 2]

@@ -54,10 +54,9 @@ def sample_initial_state(
     angle = rng.uniform(*config.robot_circle_angle_rad)
     noise = rng.uniform(-config.heading_noise_rad, config.heading_noise_rad)
     base = np.asarray(config.robot_circle_center_m) + polar(radius, angle)
-    joints = [link.joint for link in obj.links if link.joint is not None]
     return InitialState(
         robot_qpos=robot_qpos(robot, base, angle + math.pi + noise, config.lift_m),
-        object_qpos=np.array([j.rest for j in joints]),
-        joint_friction=rng.uniform(*config.joint_friction, size=len(joints)),
-        joint_damping=rng.uniform(*config.joint_damping, size=len(joints)),
+        object_qpos=obj.rest_qpos,
+        joint_friction=rng.uniform(*config.joint_friction, size=len(obj.joints)),
+        joint_damping=rng.uniform(*config.joint_damping, size=len(obj.joints)),
     )

@@ -76,7 +76,7 @@ def sample_initial_state(
     )
     return InitialState(
         robot_qpos=robot_qpos(robot, base, heading, config.lift_m),
-        object_qpos=np.array([link.joint.rest for link in links if link.joint is not None]),
+        object_qpos=obj.rest_qpos,
         joint_friction=friction,
         joint_damping=damping,
         root_pose_w=upright_pose(chair, yaw),

@@ -1,10 +1,10 @@
-"""Small draws that every part's sampling uses."""
+"""Small draws that all generators use."""
 
 from collections.abc import Mapping
 
 import numpy as np
 
-from artiskill.assets.chairs.config import Range
+from artiskill.assets.ranges import Range
 
 
 def pick(rng: np.random.Generator, weights: Mapping[str, float]) -> str:
@@ -15,7 +15,7 @@ def pick(rng: np.random.Generator, weights: Mapping[str, float]) -> str:
 
 
 def within(rng: np.random.Generator, limits: Range, digits: int = 4) -> float:
-    """Uniform, to a tenth of a millimetre."""
+    """Uniform, rounded: by default to a tenth of a millimetre."""
     return round(float(rng.uniform(*limits)), digits)
 
 
