@@ -3,8 +3,11 @@
 import math
 from collections.abc import Iterable
 
+import numpy as np
+
 from artiskill.assets.articulated_object import CollisionShape
 from artiskill.geometry.hulls import convex_hull
+from artiskill.geometry.rotations import quat_rotate
 
 
 def shape_volume_m3(shape: CollisionShape) -> float:
@@ -24,6 +27,20 @@ def shape_volume_m3(shape: CollisionShape) -> float:
 def shapes_volume_m3(shapes: Iterable[CollisionShape]) -> float:
     """Sum of volumes, as the engine counts it: where shapes overlap, twice."""
     return sum(shape_volume_m3(shape) for shape in shapes)
+
+
+def first_moment_m4(shapes: Iterable[CollisionShape]) -> np.ndarray:
+    """(3,) sum of volume times centre, in the link's frame; times density it is mass times centre of mass.
+
+    A hull's centre is taken to be the mean of its corners.
+    """
+    total = np.zeros(3)
+    for shape in shapes:
+        centre = np.asarray(shape.position, dtype=float)
+        if shape.vertices is not None:
+            centre = centre + quat_rotate(shape.quaternion, shape.vertices.mean(axis=0))
+        total += shape_volume_m3(shape) * centre
+    return total
 
 
 def density_for_mass(mass_kg: float, shapes: Iterable[CollisionShape]) -> float:

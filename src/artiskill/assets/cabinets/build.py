@@ -1,8 +1,11 @@
 """From a `CabinetSpec` to an `ArticulatedObject`: links, joints, drawn and touched parts, handles."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
-from artiskill.assets.articulated_object import ArticulatedObject, Handle, Joint, Link
+from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape, Handle, Joint, Link
 from artiskill.assets.cabinets.boards import Boards
 from artiskill.assets.cabinets.carcass import add_carcass
 from artiskill.assets.cabinets.drawers import add_box
@@ -15,6 +18,11 @@ from artiskill.assets.cabinets.pulls import build_pull
 from artiskill.assets.cabinets.spec import CabinetSpec, Cell, Side
 from artiskill.assets.handles import handle_from_mesh
 from artiskill.assets.parts import IDENTITY
+from artiskill.assets.volumes import first_moment_m4
+
+_GRAVITY_M_S2 = 9.81
+_SPRING_SURPLUS = 1.5  # moment of a flap's spring over that of its weight, when shut
+_SPRING_SPREAD_RAD = 2.0  # preload over stiffness: the moment grows by less than a factor of two up to the limit
 
 OUTWARD = np.array((-1.0, 0.0, 0.0))
 # About these axes the edge across from the hinge swings out to -x.
@@ -64,7 +72,18 @@ def _add_moving(
     else:
         add_hinges(parts, spec, cell, materials.runner)
     handle = _add_handle(parts, spec, cell, name, materials, rng)
+    if cell.hinge == "top":
+        joint = _closed_by_spring(joint, spec.density_kg_m3, parts.collisions)
     return _link(spec, name, 0, origin, joint, parts), handle
+
+
+def _closed_by_spring(joint: Joint, density_kg_m3: float, shapes: Sequence[CollisionShape]) -> Joint:
+    """A flap hung at its top, its hinges before its face, would hang open: a spring in the hinges holds it shut."""
+    swings_open_n_m = _GRAVITY_M_S2 * density_kg_m3 * first_moment_m4(shapes)[0]
+    if swings_open_n_m <= 0:
+        return joint
+    moment = _SPRING_SURPLUS * swings_open_n_m
+    return replace(joint, stiffness=round(moment / _SPRING_SPREAD_RAD, 3), spring_reference=-_SPRING_SPREAD_RAD)
 
 
 def _link(
