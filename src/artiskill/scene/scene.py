@@ -12,22 +12,12 @@ from artiskill.assets.articulated_object import ArticulatedObject, VisualMesh
 from artiskill.robots.config import RobotConfig
 from artiskill.robots.model import RobotPart, add_robot
 from artiskill.robots.visuals import robot_visuals
+from artiskill.scene.layout import Layout, layout_of
 from artiskill.scene.object_model import ObjectPart, add_object
 from artiskill.scene.options import Group, set_contact, set_joint_limits_solver, set_options
+from artiskill.scene.padding import add_padding, plan_padding
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.props import Prop, add_props
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Sizes that two scenes must share to step in one batch: the engine's arrays have them as shapes."""
-
-    bodies: int
-    joints: int
-    geoms: int
-    qpos: int
-    dof: int
-    actuators: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +63,7 @@ class Scene:
         physics: the configuration it was built with.
         robot: names of the robot's parts.
         object: the object.
+        layout: its sizes; scenes of one layout step together.
         props: what else a task has put there.
     """
 
@@ -81,13 +72,8 @@ class Scene:
     physics: PhysicsConfig
     robot: RobotPart
     object: ArticulatedObject
+    layout: Layout
     props: tuple[Prop, ...] = ()
-
-    @property
-    def layout(self) -> Layout:
-        """The sizes of the engine's arrays."""
-        m = self.model
-        return Layout(m.nbody, m.njnt, m.ngeom, m.nq, m.nv, m.nu)
 
     @cached_property
     def visuals(self) -> tuple[tuple[int, VisualMesh], ...]:
@@ -105,7 +91,7 @@ class Scene:
 def build_scene(
     robot: RobotConfig, obj: ArticulatedObject, physics: PhysicsConfig, props: tuple[Prop, ...] = ()
 ) -> Scene:
-    """Compile robot, object, props and ground into one model.
+    """Compile robot, object, props and ground into one model, padded to a layout where the object fits one.
 
     The model holds collision shapes only; what is drawn is in `Scene.visuals`, for the project's own renderer.
     """
@@ -122,7 +108,13 @@ def build_scene(
     add_props(spec, props, physics)
     set_joint_limits_solver(spec.joints, physics)
     model = spec.compile()
-    return Scene(model, _resolve(model, robot_part, object_part, sensors), physics, robot_part, obj, props)
+    links, joints = len(obj.links), len(obj.joints)
+    padding = plan_padding(obj, model, object_part)
+    if padding is not None:
+        add_padding(spec, object_part, padding)
+        model, links, joints = spec.compile(), padding.config.links, padding.config.joints
+    index = _resolve(model, robot_part, object_part, joints, sensors)
+    return Scene(model, index, physics, robot_part, obj, layout_of(model, links, joints), props)
 
 
 def _set_robot_contacts(spec: Any, robot: RobotPart, physics: PhysicsConfig) -> None:
@@ -176,14 +168,16 @@ def _add_sensors(spec: Any, robot: RobotPart) -> dict[str, slice]:
     return where
 
 
-def _resolve(model: Any, robot: RobotPart, obj: ObjectPart, sensors: dict[str, slice]) -> SceneIndex:
+def _resolve(model: Any, robot: RobotPart, obj: ObjectPart, places: int, sensors: dict[str, slice]) -> SceneIndex:
+    """Find everything; `places` is how many joints the object takes up, with those that pad it."""
     joints = [model.joint(name).id for name in (*robot.joints, *obj.root, *obj.joints)]
     assert joints == list(range(len(joints))), "robot joints first, then the object's, in their own order"
     bodies = [model.body(name).id for name in obj.bodies]
     assert bodies == list(range(bodies[0], bodies[0] + len(bodies))), "object links are contiguous"
     # qpos and degrees of freedom, one run after the other
-    runs_qpos = _runs(len(robot.joints), 7 * len(obj.root), len(obj.joints), model.nq)
-    runs_dof = _runs(len(robot.joints), 6 * len(obj.root), len(obj.joints), model.nv)
+    padding = places - len(obj.joints)
+    runs_qpos = _runs(len(robot.joints), 7 * len(obj.root), len(obj.joints), padding, total=model.nq)
+    runs_dof = _runs(len(robot.joints), 6 * len(obj.root), len(obj.joints), padding, total=model.nv)
     return SceneIndex(
         robot=runs_qpos[0],
         root_qpos=runs_qpos[1],
@@ -191,13 +185,13 @@ def _resolve(model: Any, robot: RobotPart, obj: ObjectPart, sensors: dict[str, s
         object_qpos=runs_qpos[2],
         object_dof=runs_dof[2],
         object_bodies=slice(bodies[0], bodies[0] + len(bodies)),
-        prop_qpos=runs_qpos[3],
-        prop_dof=runs_dof[3],
+        prop_qpos=runs_qpos[-1],
+        prop_dof=runs_dof[-1],
         **sensors,
     )
 
 
-def _runs(robot: int, root: int, joints: int, total: int) -> list[slice]:
-    """Slices of the robot's, the root's, the object joints' and the props' numbers; the props have the rest."""
-    ends = np.cumsum((0, robot, root, joints, total - robot - root - joints)).tolist()
+def _runs(*sizes: int, total: int) -> list[slice]:
+    """Slices of so many numbers each, one after the other; a last one has the rest."""
+    ends = np.cumsum((0, *sizes, total - sum(sizes))).tolist()
     return [slice(start, stop) for start, stop in pairwise(ends)]

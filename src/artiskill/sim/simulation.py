@@ -18,91 +18,140 @@ _CURRENT = mujoco.mjtStage.mjSTAGE_VEL.value
 
 
 class Simulation:
-    """`num_envs` copies of a scene; each has its own joint parameters.
+    """`num_envs` environments; each has its own scene, of one layout, and its own joint parameters.
 
     Args:
-        scene: what is simulated. It is not changed: every environment runs on its own copy of the model.
+        scene: what is simulated, until a reset brings another. It is not changed: every environment runs on its
+            own copy of the model.
         num_envs: B.
         num_threads: threads that step; any number gives the same bits.
     """
 
     def __init__(self, scene: Scene, num_envs: int = 1, num_threads: int = 1) -> None:
-        self.scene = scene
-        self.num_envs = num_envs
+        self.num_envs, self.num_threads = num_envs, num_threads
+        self.scenes = [scene] * num_envs
+        layout, index = scene.layout, scene.index
+        # the object's places in the engine's arrays, those that pad it included
+        self._object_qpos = _run(index.object_qpos.start, layout.joints)
+        self._object_dof = _run(index.object_dof.start, layout.joints)
+        has_root = index.root_dof.stop > index.root_dof.start  # one free joint, between the robot's and these
+        self._joints = _run(index.robot.stop + has_root, layout.joints)
+        self._links = _run(index.object_bodies.start, layout.links)
+        self._own_joints = np.zeros((num_envs, layout.joints))
+        self._own_joints[:, : len(scene.object.joints)] = 1.0
         self._models = [copy.copy(scene.model) for _ in range(num_envs)]
-        # persistent: a step goes on from the stages that brought the fields up to date after the last one
-        self._batch = Batch(scene.model, num_envs, num_threads, persistent=True)
-        self._batch.set_models(self._models)
-        self._bind()
-        index = scene.index
-        joints = scene.model.dof_jntid[index.object_dof]  # the object's joints in the engine's joint arrays
-        self._joints = slice(int(joints[0]), int(joints[-1]) + 1) if len(joints) else slice(0, 0)
-        self._previous_position = self._xpos[:, index.object_bodies].copy()
-        self._previous_quaternion = self._xquat[:, index.object_bodies].copy()
+        self._start()
+        self._previous_position = self._xpos[:, self._links].copy()
+        self._previous_quaternion = self._xquat[:, self._links].copy()
 
-    def _bind(self) -> None:
-        """Live views of the engine's arrays, made once."""
+    @property
+    def scene(self) -> Scene:
+        """The first environment's: robot, props, physics and layout are those of all."""
+        return self.scenes[0]
+
+    def _start(self) -> None:
+        """A batch of the present models, and live views of the engine's arrays, made once."""
+        # persistent: a step goes on from the stages that brought the fields up to date after the last one
+        self._batch = Batch(self._models[0], self.num_envs, self.num_threads, persistent=True)
+        self._batch.set_models(self._models)
         bind = self._batch.bind
         self._qpos, self._qvel, self._ctrl, self._time = bind("qpos"), bind("qvel"), bind("ctrl"), bind("time")
         self._xpos, self._xquat, self._xmat = bind("xpos"), bind("xquat"), bind("xmat")
         self._anchor, self._axis, self._sensors = bind("xanchor"), bind("xaxis"), bind("sensordata")
 
-    def reset(self, initial_states: Sequence[InitialState], env_ids: Sequence[int] | None = None) -> None:
+    def reset(
+        self,
+        initial_states: Sequence[InitialState],
+        env_ids: Sequence[int] | np.ndarray | None = None,
+        scenes: Sequence[Scene] | None = None,
+    ) -> None:
         """Put environments at their initial states.
 
         Args:
             initial_states: one per environment that is reset.
             env_ids: sorted indices of the environments; None for all.
+            scenes: what each of them simulates from now on, of this simulation's layout; None for no change.
         """
         ids = np.arange(self.num_envs) if env_ids is None else np.asarray(env_ids)
-        index = self.scene.index
+        for i, scene in zip(ids, scenes or (), strict=bool(scenes)):
+            self._put_scene(int(i), scene)
         for i, state in zip(ids, initial_states, strict=True):
-            limits = (
-                self.scene.model.jnt_range[self._joints] if state.object_limits is None else state.object_limits
-            )
-            self._set_parameters(i, state.joint_friction, state.joint_damping, limits)
+            self._set_parameters(i, state)
         self._batch.set_models(self._models)  # again after every edit
         self._batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         for i, state in zip(ids, initial_states, strict=True):
-            self._qpos[i, index.robot] = state.robot_qpos
-            self._qpos[i, index.object_qpos] = state.object_qpos
-            if state.root_pose_w is not None:
-                self._qpos[i, index.root_qpos] = state.root_pose_w
-            if state.prop_positions_w is not None:
-                self._qpos[i, index.prop_qpos] = _upright(state.prop_positions_w)
-            self._ctrl[i] = self.rest_targets(state.robot_qpos)
+            self._put(i, state)
             if state.settle_steps:
                 self._batch.step(np.array([i]), nstep=state.settle_steps)
                 self._time[i] = 0.0
         self._batch.forward(ids, stage=_CURRENT)
-        self._previous_position[ids] = self._xpos[ids, index.object_bodies]
-        self._previous_quaternion[ids] = self._xquat[ids, index.object_bodies]
+        self._previous_position[ids] = self._xpos[ids, self._links]
+        self._previous_quaternion[ids] = self._xquat[ids, self._links]
+
+    def _put_scene(self, env: int, scene: Scene) -> None:
+        if self.scenes[env] is scene:
+            return
+        assert scene.layout == self.scene.layout, "scenes of one simulation have one layout"
+        self.scenes[env], self._models[env] = scene, copy.copy(scene.model)
+        self._own_joints[env] = np.arange(scene.layout.joints) < len(scene.object.joints)
+
+    def _put(self, env: int, state: InitialState) -> None:
+        index = self.scenes[env].index
+        self._qpos[env, index.robot] = state.robot_qpos
+        self._qpos[env, index.object_qpos] = state.object_qpos
+        if state.root_pose_w is not None:
+            self._qpos[env, index.root_qpos] = state.root_pose_w
+        if state.prop_positions_w is not None:
+            self._qpos[env, index.prop_qpos] = _upright(state.prop_positions_w)
+        self._ctrl[env] = self.rest_targets(state.robot_qpos)
 
     def rest_targets(self, robot_qpos: np.ndarray) -> np.ndarray:
         """Drive targets that hold a robot where it is: zero velocity, fingers at their position. (R,) -> (R,)."""
         is_position = self.scene.model.actuator_gainprm[:, 0] == -self.scene.model.actuator_biasprm[:, 1]
         return np.where(is_position, robot_qpos, 0.0)
 
-    def step(self, targets: np.ndarray) -> None:
-        """One environment step of all environments with constant drive targets (B, R).
+    def step(self, targets: np.ndarray, env_ids: np.ndarray | None = None) -> None:
+        """One environment step with constant drive targets.
+
+        Args:
+            targets: (B, R), also when only some environments step.
+            env_ids: sorted indices of the environments that step; None for all.
 
         Raises:
             DivergedError: the engine warned that a state is not finite, or that it ran out of memory. It would
                 otherwise start such an environment over, silently.
         """
-        bodies = self.scene.index.object_bodies
-        self._previous_position[:] = self._xpos[:, bodies]
-        self._previous_quaternion[:] = self._xquat[:, bodies]
+        self._previous_position[:] = self._xpos[:, self._links]
+        self._previous_quaternion[:] = self._xquat[:, self._links]
         self._ctrl[:] = targets
-        self._batch.step(nstep=self.scene.physics.physics_steps_per_step, stage=_CURRENT)
+        self._batch.step(env_ids, nstep=self.scene.physics.physics_steps_per_step, stage=_CURRENT)
         if self._batch.warning[..., 1].any():
             self._raise_diverged()
+
+    def rollout(self, targets: np.ndarray) -> list[Snapshot]:
+        """Environment steps under given drive targets, as predictive controllers ask for them.
+
+        Args:
+            targets: (B, T, R).
+
+        Returns:
+            T snapshots, one after each environment step.
+
+        Raises:
+            DivergedError: as `step`.
+        """
+        snapshots = []
+        for k in range(targets.shape[1]):
+            self.step(targets[:, k])
+            snapshots.append(self.snapshot())
+        return snapshots
 
     def _raise_diverged(self) -> None:
         envs, kinds = np.nonzero(self._batch.warning[..., 1])
         said = sorted({mujoco.mjtWarning(int(kind)).name.removeprefix("mjWARN_") for kind in kinds})
+        names = sorted({self.scenes[env].object.id for env in envs})
         raise DivergedError(
-            f"the physics of {self.scene.object.id!r} diverged in environments {sorted({int(e) for e in envs})} "
+            f"the physics of {', '.join(names)} diverged in environments {sorted({int(e) for e in envs})} "
             f"({', '.join(said)}); reset them before stepping on"
         )
 
@@ -111,7 +160,7 @@ class Simulation:
         index, batch = self.scene.index, self.num_envs
         qpos, qvel, sensors = self._qpos.copy(), self._qvel.copy(), self._sensors.copy()
         position, quaternion = self._xpos.copy(), self._xquat.copy()
-        rotation = self._xmat[:, index.object_bodies].copy()
+        rotation = self._xmat[:, self._links].copy()
         tool_axes = sensors[:, index.tool_axes].reshape(batch, -1, 3, 3)
         rotation = rotation.reshape(batch, -1, 3, 3)
         prop_qvel = qvel[:, index.prop_dof].reshape(batch, -1, 6)
@@ -126,13 +175,13 @@ class Simulation:
             fingertip_velocity_w=sensors[:, index.fingertip_velocities].reshape(batch, -1, 3),
             tool_position_w=sensors[:, index.tool_positions].reshape(batch, -1, 3),
             tool_rotation_w=tool_axes.swapaxes(-1, -2),
-            object_qpos=qpos[:, index.object_qpos],
-            object_qvel=qvel[:, index.object_dof],
+            object_qpos=qpos[:, self._object_qpos] * self._own_joints,
+            object_qvel=qvel[:, self._object_dof] * self._own_joints,
             root_velocity_w=self._root_velocity(qvel[:, index.root_dof], rotation[:, 0]),
             prop_position_w=qpos[:, index.prop_qpos].reshape(batch, -1, 7)[..., :3],
             prop_velocity_w=prop_qvel[..., :3],
-            link_position_w=position[:, index.object_bodies],
-            link_quaternion_w=quaternion[:, index.object_bodies],
+            link_position_w=position[:, self._links],
+            link_quaternion_w=quaternion[:, self._links],
             link_rotation_w=rotation,
             previous_link_position_w=self._previous_position.copy(),
             previous_link_quaternion_w=self._previous_quaternion.copy(),
@@ -150,7 +199,7 @@ class Simulation:
             joint_limits=limits,
             previous_link_position_w=self._previous_position.copy(),
             previous_link_quaternion_w=self._previous_quaternion.copy(),
-            object_hash=self.scene.object.content_hash,
+            object_hash=self._object_hash,
             physics=self.scene.physics,
         )
 
@@ -162,7 +211,10 @@ class Simulation:
         """
         self.check_state(state)
         for i in range(self.num_envs):
-            self._set_parameters(i, state.joint_friction[i], state.joint_damping[i], state.joint_limits[i])
+            model = self._models[i]
+            model.dof_frictionloss[self._object_dof] = state.joint_friction[i]
+            model.dof_damping[self._object_dof] = state.joint_damping[i]
+            model.jnt_range[self._joints] = state.joint_limits[i]
         self._batch.set_models(self._models)
         self._batch.state[:] = state.rows
         self._batch.forward(stage=_CURRENT)
@@ -191,16 +243,23 @@ class Simulation:
             if not np.isfinite(given).all():
                 raise StateError(f"this state's {f.name} has numbers that are not finite")
 
-    def _set_parameters(self, env: int, friction: np.ndarray, damping: np.ndarray, limits: np.ndarray) -> None:
-        model, dof = self._models[env], self.scene.index.object_dof
-        model.dof_frictionloss[dof] = friction
-        model.dof_damping[dof] = damping
-        model.jnt_range[self._joints] = limits
+    @property
+    def _object_hash(self) -> str:
+        """Of the object that all have, or of all objects."""
+        hashes = [scene.object.content_hash for scene in self.scenes]
+        return hashes[0] if len(set(hashes)) == 1 else "+".join(hashes)
+
+    def _set_parameters(self, env: int, state: InitialState) -> None:
+        model, scene = self._models[env], self.scenes[env]
+        dof, joints = scene.index.object_dof, _run(self._joints.start, len(scene.object.joints))
+        model.dof_frictionloss[dof] = state.joint_friction
+        model.dof_damping[dof] = state.joint_damping
+        own = scene.model.jnt_range[joints]
+        model.jnt_range[joints] = own if state.object_limits is None else state.object_limits
 
     def _parameters(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        dof = self.scene.index.object_dof
-        friction = np.stack([m.dof_frictionloss[dof] for m in self._models])
-        damping = np.stack([m.dof_damping[dof] for m in self._models])
+        friction = np.stack([m.dof_frictionloss[self._object_dof] for m in self._models])
+        damping = np.stack([m.dof_damping[self._object_dof] for m in self._models])
         return friction, damping, np.stack([m.jnt_range[self._joints] for m in self._models])
 
     def _root_velocity(self, qvel: np.ndarray, rotation: np.ndarray) -> np.ndarray:
@@ -214,3 +273,7 @@ class Simulation:
 def _upright(positions: np.ndarray) -> np.ndarray:
     """(K, 3) positions -> (7 K,) poses."""
     return np.concatenate((positions, np.tile((1.0, 0.0, 0.0, 0.0), (len(positions), 1))), axis=1).ravel()
+
+
+def _run(start: int, count: int) -> slice:
+    return slice(start, start + count)

@@ -14,6 +14,9 @@ from artiskill.geometry.arrays import Array, clamp, namespace, norm
 class Snapshot:
     """B environments; R robot joints, A arms, T = 2A fingertips, N bodies, L links, J object joints, K free props.
 
+    L and J are what the scene's layout has room for: an object's own links and joints come first, in its order;
+    beyond them joint values are 0 and links mean nothing.
+
     World frame, SI units, quaternions (w, x, y, z). Arrays are NumPy (or torch) and must not be written to.
 
     Attributes:

@@ -43,7 +43,7 @@ class SimulationState:
         joint_limits: (B, J, 2), 0 where a joint has none.
         previous_link_position_w: (B, L, 3).
         previous_link_quaternion_w: (B, L, 4).
-        object_hash: `ArticulatedObject.content_hash` of its object.
+        object_hash: `ArticulatedObject.content_hash` of the object; of all, where they differ.
         physics: the configuration that it was simulated with.
     """
 

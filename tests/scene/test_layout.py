@@ -1,0 +1,110 @@
+"""Layouts and padding: all of the catalogue fits, and what pads an object changes nothing about it."""
+
+from collections import Counter
+from unittest import mock
+
+import mujoco
+import numpy as np
+import pytest
+
+from artiskill.assets.catalog import list_objects, load_object
+from artiskill.robots.config import load_robot
+from artiskill.scene import scene as scene_module
+from artiskill.scene.layout import category_layouts, inertia_entries
+from artiskill.scene.padding import PADDING_PREFIX, _depths, _fans
+from artiskill.scene.physics import PhysicsConfig
+from artiskill.scene.scene import Scene, build_scene
+
+ROBOT, PHYSICS = load_robot("one_arm"), PhysicsConfig()
+
+
+def scene_of(object_id: str) -> Scene:
+    return build_scene(ROBOT, load_object(object_id), PHYSICS)
+
+
+def unpadded(object_id: str) -> Scene:
+    with mock.patch.object(scene_module, "plan_padding", return_value=None):
+        return scene_of(object_id)
+
+
+def test_objects_of_a_category_share_few_layouts() -> None:
+    for category in ("cabinet", "chair", "bucket"):
+        ids = [*list_objects(category=category, split="test"), *list_objects(category=category, split="ood")[:3]]
+        layouts = {scene_of(object_id).layout for object_id in ids}
+        assert len(layouts) <= len(category_layouts(category))
+
+
+@pytest.mark.slow
+def test_all_of_the_catalogue_fits() -> None:
+    for category, most in (("cabinet", 3), ("chair", 16), ("bucket", 0)):
+        ids = [*list_objects(category=category, split="all"), *list_objects(category=category, split="ood")]
+        counts = Counter(scene_of(object_id).layout for object_id in ids)
+        assert len(counts) <= len(category_layouts(category))
+        assert {layout.links for layout in counts} <= {config.links for config in category_layouts(category)}
+        assert sum(counts.values()) - max(counts.values()) <= most, "nearly all share one"
+
+
+@pytest.mark.parametrize("object_id", ["cabinet-0005", "chair-0003", "chair-0040", "bucket-0005"])
+def test_padding_is_inert(object_id: str) -> None:
+    """In free flight, with everything moving, robot and object accelerate as they did."""
+    plain, padded = unpadded(object_id), scene_of(object_id)
+    assert plain.layout != padded.layout
+    named = [padded.model.joint(int(joint)).name for joint in padded.model.dof_jntid]
+    own = np.array([i for i, name in enumerate(named) if not name.startswith(PADDING_PREFIX)])
+    assert len(own) == plain.model.nv
+    velocity = np.random.default_rng(0).uniform(-1, 1, len(own))
+    found = []
+    for scene, dofs in ((plain, np.arange(len(own))), (padded, own)):
+        data = mujoco.MjData(scene.model)
+        data.qpos[scene.index.object_qpos], data.qvel[dofs] = scene.object.rest_qpos, velocity
+        data.qpos[scene.index.root_qpos][2:3] = 3.0
+        mujoco.mj_forward(scene.model, data)
+        found.append(data.qacc_smooth[dofs])
+    np.testing.assert_allclose(*found, rtol=1e-3, atol=1e-4)
+
+
+def test_padding_touches_nothing() -> None:
+    model = scene_of("cabinet-0005").model
+    padding = [b for b in range(model.nbody) if model.body(b).name.startswith(PADDING_PREFIX)]
+    assert padding
+    geoms = np.isin(model.geom_bodyid, padding)
+    assert not (model.geom_contype[geoms] | model.geom_conaffinity[geoms]).any()
+    assert model.body_mass[padding].sum() < 1e-4
+
+
+def test_a_strange_object_has_a_layout_of_its_own() -> None:
+    obj = load_object("cabinet-0005")
+    with mock.patch.object(scene_module, "plan_padding", return_value=None):
+        scene = build_scene(ROBOT, obj, PHYSICS)
+    assert (scene.layout.links, scene.layout.joints) == (len(obj.links), len(obj.joints))
+
+
+@pytest.mark.parametrize(("count", "extra"), [(1, 0), (4, 0), (4, 1), (4, 3), (4, 6), (7, 12), (10, 45)])
+def test_depths_add_up_and_hang_together(count: int, extra: int) -> None:
+    depths = _depths(count, count * 7 + extra, root_dof=6)
+    assert depths is not None
+    assert sum(depth + 6 for depth in depths) == count * 7 + extra
+    assert set(depths) == set(range(1, max(depths) + 1)), "each hangs on one of the depth before it"
+
+
+@pytest.mark.parametrize(("count", "entries"), [(-1, 0), (0, 3), (2, 13), (2, 16), (3, 25)])
+def test_depths_that_cannot_be(count: int, entries: int) -> None:
+    assert _depths(count, entries, root_dof=6) is None
+
+
+def test_fans_have_as_many_volumes_as_are_missing() -> None:
+    for volumes in (0, 5, 7, 10, 11, 500, 1001):
+        fans = _fans(volumes)
+        assert fans is not None
+        assert sum(2 * n - 1 for n in fans) == volumes
+    assert all(_fans(volumes) is None for volumes in (-3, 1, 2, 3, 4, 6, 8))
+
+
+def test_inertia_entries_are_the_engines() -> None:
+    for object_id, free in (("cabinet-0005", False), ("chair-0003", True)):
+        scene = unpadded(object_id)
+        entries = 0
+        for dof in range(scene.index.object_dof.start, scene.index.object_dof.stop):
+            while dof != -1:
+                entries, dof = entries + 1, int(scene.model.dof_parentid[dof])
+        assert inertia_entries(scene.object, free) == entries
