@@ -37,6 +37,7 @@ class Simulation:
         has_root = index.root_dof.stop > index.root_dof.start  # one free joint, between the robot's and these
         self._joints = _run(index.robot.stop + has_root, layout.joints)
         self._links = _run(index.object_bodies.start, layout.links)
+        self._object_joints = np.full(num_envs, len(scene.object.joints))
         self._own_joints = np.zeros((num_envs, layout.joints))
         self._own_joints[:, : len(scene.object.joints)] = 1.0
         self._models = [copy.copy(scene.model) for _ in range(num_envs)]
@@ -93,7 +94,8 @@ class Simulation:
             return
         assert scene.layout == self.scene.layout, "scenes of one simulation have one layout"
         self.scenes[env], self._models[env] = scene, copy.copy(scene.model)
-        self._own_joints[env] = np.arange(scene.layout.joints) < len(scene.object.joints)
+        self._object_joints[env] = joints = len(scene.object.joints)
+        self._own_joints[env] = np.arange(scene.layout.joints) < joints
 
     def _put(self, env: int, state: InitialState) -> None:
         index = self.scenes[env].index
@@ -175,6 +177,7 @@ class Simulation:
             fingertip_velocity_w=sensors[:, index.fingertip_velocities].reshape(batch, -1, 3),
             tool_position_w=sensors[:, index.tool_positions].reshape(batch, -1, 3),
             tool_rotation_w=tool_axes.swapaxes(-1, -2),
+            object_joints=self._object_joints.copy(),
             object_qpos=qpos[:, self._object_qpos] * self._own_joints,
             object_qvel=qvel[:, self._object_dof] * self._own_joints,
             root_velocity_w=self._root_velocity(qvel[:, index.root_dof], rotation[:, 0]),

@@ -30,6 +30,7 @@ class Snapshot:
         fingertip_velocity_w: (B, T, 3).
         tool_position_w: (B, A, 3) centre between the pads.
         tool_rotation_w: (B, A, 3, 3) columns: the hand's axes; z forward, the fingers close along y.
+        object_joints: (B,) how many of the J are the object's own.
         object_qpos: (B, J).
         object_qvel: (B, J).
         root_velocity_w: (B, 6) linear and angular velocity of the object's root; 0 where it is fixed.
@@ -54,6 +55,7 @@ class Snapshot:
     fingertip_velocity_w: Array
     tool_position_w: Array
     tool_rotation_w: Array
+    object_joints: Array
     object_qpos: Array
     object_qvel: Array
     root_velocity_w: Array

@@ -70,16 +70,17 @@ def write_object(snapshot: Snapshot, max_joints: int, out: Array) -> None:
         AssetError: the object has more joints than the vector has slots.
     """
     joints = snapshot.object_qpos.shape[1]
-    if joints > max_joints:
+    if joints > max_joints and (own := int(snapshot.object_joints.max())) > max_joints:
         raise AssetError(
-            f"an object with {joints} joints does not fit a state vector with max_object_joints = {max_joints}; "
+            f"an object with {own} joints does not fit a state vector with max_object_joints = {max_joints}; "
             "raise that value in the task's config"
         )
+    joints = min(joints, max_joints)  # a layout may have room for more
     out[:, 0:3] = snapshot.link_position_w[:, 0]
     out[:, 3:7] = snapshot.link_quaternion_w[:, 0]
     out[:, 7:_ROOT_SIZE] = snapshot.root_velocity_w
-    out[:, _ROOT_SIZE : _ROOT_SIZE + joints] = snapshot.object_qpos
-    out[:, _ROOT_SIZE + max_joints : _ROOT_SIZE + max_joints + joints] = snapshot.object_qvel
+    out[:, _ROOT_SIZE : _ROOT_SIZE + joints] = snapshot.object_qpos[:, :joints]
+    out[:, _ROOT_SIZE + max_joints : _ROOT_SIZE + max_joints + joints] = snapshot.object_qvel[:, :joints]
 
 
 def robot_size(snapshot: Snapshot) -> int:
