@@ -15,7 +15,8 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from artiskill.assets.articulated_object import Joint
-from artiskill.envs.manipulation import OBSERVATION_MODES, ManipulationEnv
+from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.envs.modes import OBSERVATION_MODES
 from artiskill.evaluation.policies import load_policy
 from artiskill.experts.open_cabinet import OpenCabinetExpert, Phase
 from artiskill.sim.simulation import Simulation

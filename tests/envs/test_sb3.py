@@ -7,7 +7,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from artiskill.envs.manipulation import OBSERVATION_MODES, ManipulationEnv
+from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.envs.modes import OBSERVATION_MODES
 from artiskill.envs.wrappers import FlattenDict, PointCloudDownsample
 from artiskill.errors import ConfigError
 from artiskill.tasks.registry import task_names

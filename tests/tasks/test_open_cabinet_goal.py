@@ -3,7 +3,8 @@
 import numpy as np
 
 from artiskill.assets.cabinets import generate_cabinet
-from artiskill.tasks.open_cabinet.goal import OpenGoal, make_open_goal, stack_goals
+from artiskill.tasks.goals import stack_goals
+from artiskill.tasks.open_cabinet.goal import OpenGoal, make_open_goal
 
 
 def goal_with(kind: str, grasps: int) -> OpenGoal:

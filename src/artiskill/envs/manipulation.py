@@ -1,6 +1,6 @@
 """`ManipulationEnv`: the Gymnasium face of a task, one episode at a time."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium as gym
@@ -8,11 +8,11 @@ import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.envs.casting import Casting, ObjectChoice
-from artiskill.envs.control import CONTROL_MODES, JOINT, Control
-from artiskill.envs.observation import Instant, Observer, StateObserver
+from artiskill.envs.control import JOINT, Control
+from artiskill.envs.modes import OBSERVERS, RENDER_MODES, check_modes
+from artiskill.envs.observation import Instant, Observer, empty_observation
 from artiskill.envs.rendering import Viewpoint, WorldView
 from artiskill.envs.state import EnvState, check_progress
-from artiskill.envs.vision import PointCloudObserver, RgbdObserver
 from artiskill.errors import ConfigError, ResetNeededError, StateError, check_name
 from artiskill.scene.cache import cached_scene
 from artiskill.sim.simulation import Simulation
@@ -20,16 +20,7 @@ from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.levels import MAX_LEVEL, Stream, check_level, level_generator
 from artiskill.tasks.progress import Progress
 from artiskill.tasks.registry import make_task
-from artiskill.tasks.task import Flags, Goal, Task
-
-_OBSERVERS: dict[str, Callable[[Task], Observer]] = {
-    "state": StateObserver,
-    "pointcloud": PointCloudObserver,
-    "rgbd": RgbdObserver,
-}
-OBSERVATION_MODES: tuple[str, ...] = tuple(_OBSERVERS)
-REWARD_MODES: tuple[str, ...] = ("dense", "sparse")
-RENDER_MODES: tuple[str, ...] = ("rgb_array",)
+from artiskill.tasks.task import Flags, Goal
 
 
 class ManipulationEnv(gym.Env[Any, np.ndarray]):
@@ -102,16 +93,12 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
         render_mode: str | None = None,
         config: Mapping[str, Any] | None = None,
     ) -> None:
-        check_name("observation mode", obs_mode, OBSERVATION_MODES)
-        check_name("reward mode", reward_mode, REWARD_MODES)
-        check_name("control mode", control_mode, CONTROL_MODES)
-        if render_mode is not None:
-            check_name("render mode", render_mode, RENDER_MODES)
+        check_modes(obs_mode, reward_mode, control_mode, render_mode)
         self.task = make_task(task, config)
         self.obs_mode, self.reward_mode, self.render_mode = obs_mode, reward_mode, render_mode
         self._casting = Casting(self.task, objects, target)
         self.control = Control(self.task.robot, control_mode)
-        self._observer = _OBSERVERS[obs_mode](self.task)
+        self._observer = OBSERVERS[obs_mode](self.task)
         self.observation_space = self._observer.space
         self.action_space = self.control.space
         self._simulation: Simulation | None = None
@@ -273,9 +260,9 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
 
     def _observe(self, info: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
         """The observation of this instant, and `info` with what its mode adds."""
-        instant = Instant(self.snapshot, self._goal, self._level, int(self._progress.elapsed[0]))
-        observation, added = self._observer.observe(instant)
-        return observation, info | added
+        instant = Instant(self.snapshot, self._goal, 0, self._level, int(self._progress.elapsed[0]))
+        observation = empty_observation(self._observer.space)
+        return observation, info | self._observer.observe(instant, observation)
 
     def _info(self, flags: Flags | None = None) -> tuple[dict[str, Any], float]:
         """Info of this instant, and the dense reward that its terms add up to."""

@@ -17,14 +17,16 @@ class Instant:
     """What an observation is made of; the same instant gives the same observation.
 
     Attributes:
-        snapshot: with B = 1.
-        goal: of the episode, with B = 1.
-        level: of the episode.
+        snapshot: of B environments.
+        goal: of their episodes.
+        row: which of the B is observed.
+        level: of its episode.
         elapsed: environment steps since the episode's start.
     """
 
     snapshot: Snapshot
     goal: Goal
+    row: int
     level: int
     elapsed: int
 
@@ -39,8 +41,8 @@ class Observer(Protocol):
     def enter(self, scene: Scene, target: str) -> None:
         """Get ready for episodes with this scene and target link; called whenever either changes."""
 
-    def observe(self, instant: Instant) -> tuple[Any, dict[str, Any]]:
-        """The observation, an element of `space`, and what the mode adds to `info`; the caller may keep both."""
+    def observe(self, instant: Instant, out: Any) -> dict[str, Any]:
+        """Write the observation into `out`, an `empty_observation`; return what the mode adds to `info`."""
 
 
 class StateObserver:
@@ -56,7 +58,21 @@ class StateObserver:
     def enter(self, scene: Scene, target: str) -> None:
         """Nothing depends on the scene."""
 
-    def observe(self, instant: Instant) -> tuple[np.ndarray, dict[str, Any]]:
+    def observe(self, instant: Instant, out: np.ndarray) -> dict[str, Any]:
         """(D,) float32, clipped to the space's bounds."""
-        values = self._task.observe_state(instant.snapshot, instant.goal)[0]
-        return np.minimum(np.maximum(values, self._lower), self._upper), {}
+        assert len(instant.snapshot.time_s) == 1, "of a batch, all environments are observed at once"
+        self.observe_all(instant.snapshot, instant.goal, out[None])
+        return {}
+
+    def observe_all(self, snapshot: Snapshot, goal: Goal, out: np.ndarray) -> None:
+        """(B, D) float32 of all environments of a snapshot."""
+        values = self._task.observe_state(snapshot, goal)
+        np.minimum(np.maximum(values, self._lower), self._upper, out=out)
+
+
+def empty_observation(space: gym.Space[Any], batch: tuple[int, ...] = ()) -> Any:
+    """Arrays to write an observation of a space into, or a batch of them; nested as the space is."""
+    if isinstance(space, gym.spaces.Dict):
+        return {key: empty_observation(below, batch) for key, below in space.items()}
+    assert space.shape is not None, "observations are arrays"
+    return np.empty((*batch, *space.shape), dtype=space.dtype)

@@ -9,6 +9,7 @@ from artiskill.tasks.registry import task_names
 
 NAMESPACE = "ArtiSkill"
 _ENTRY_POINT = "artiskill.envs.manipulation:ManipulationEnv"
+_VECTOR_ENTRY_POINT = "artiskill.envs.vector.env:ManipulationVectorEnv"
 
 
 def register_envs() -> None:
@@ -25,4 +26,4 @@ def register_envs() -> None:
 def _register(name: str, kwargs: dict[str, str]) -> None:
     env_id = f"{NAMESPACE}/{name}-v0"
     if env_id not in gym.registry:
-        gym.register(id=env_id, entry_point=_ENTRY_POINT, kwargs=kwargs)
+        gym.register(id=env_id, entry_point=_ENTRY_POINT, vector_entry_point=_VECTOR_ENTRY_POINT, kwargs=kwargs)

@@ -72,12 +72,12 @@ class WorldView:
         self._renderer = Renderer(visuals, config or load_render_config())
         self._camera = camera
 
-    def draw(self, snapshot: Snapshot) -> np.ndarray:
-        """The first environment of a snapshot, (H, W, 3) uint8."""
-        return self.images(snapshot, ("rgb",)).rgb[0]
+    def draw(self, snapshot: Snapshot, row: int = 0) -> np.ndarray:
+        """One environment of a snapshot, (H, W, 3) uint8."""
+        return self.images(snapshot, ("rgb",), row).rgb[0]
 
-    def images(self, snapshot: Snapshot, channels: tuple[str, ...]) -> Images:
-        """Channels of the first environment's picture, see `sensors.images.CHANNELS`; (1, H, W, ...) each."""
+    def images(self, snapshot: Snapshot, channels: tuple[str, ...], row: int = 0) -> Images:
+        """Channels of one environment's picture, see `sensors.images.CHANNELS`; (1, H, W, ...) each."""
         return self._renderer.render(
-            snapshot.body_position_w[0], snapshot.body_quaternion_w[0], (self._camera,), channels
+            snapshot.body_position_w[row], snapshot.body_quaternion_w[row], (self._camera,), channels
         )

@@ -27,7 +27,6 @@ from artiskill.sensors.render_config import load_render_config
 from artiskill.sensors.renderer import Images, Renderer
 from artiskill.sensors.segmentation import mask_codes, write_channels
 from artiskill.sensors.triangle_soup import BodyVisual
-from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.fields import field_bounds, observe_robot, robot_fields
 from artiskill.tasks.levels import Stream, level_generator
 from artiskill.tasks.task import Task
@@ -36,13 +35,13 @@ Frame = Literal["world", "robot", "end_effector"]
 FRAMES: tuple[Frame, ...] = ("world", "robot", "end_effector")
 
 _CHANNELS = ("rgb", "depth", "geom")
-_RENDERERS = 64  # scenes per process and thread; a generated cabinet's takes about 3 MB
+_RENDERERS = 128  # scenes; a generated cabinet's takes about 3 MB
 _BASE_REACH_M = 20.0  # bound of the base's place, as in the robot's part of the state
 
 
 @lru_cache(maxsize=_RENDERERS)
-def _renderer(scene: Scene, thread: int) -> Renderer:
-    """A scene's renderer, remembered; renderers keep buffers, so each thread has its own."""
+def _renderer(scene: Scene) -> Renderer:
+    """A scene's renderer, remembered."""
     visuals = [BodyVisual(body, visual) for body, visual in scene.visuals]
     return Renderer(visuals, load_render_config("fast"))
 
@@ -58,9 +57,7 @@ class Eyes:
         self._upper = field_bounds(robot_fields(len(task.robot.mounts)))
         self.agent_space = gym.spaces.Box(-self._upper, self._upper, dtype=np.float32)
         self._scene: Scene | None = None
-        shape = task.cameras.number, task.cameras.height, task.cameras.width
-        self._depth = np.empty(shape, dtype=np.float32)
-        self._geom = np.empty(shape, dtype=np.int32)
+        self.shape = task.cameras.number, task.cameras.height, task.cameras.width
         self.codes = np.zeros(0, dtype=np.uint8)
 
     def enter(self, scene: Scene, target: str) -> None:
@@ -68,27 +65,47 @@ class Eyes:
         self._scene = scene
         self.codes = mask_codes(self.task.masks(scene, target))
 
-    def look(self, snapshot: Snapshot) -> tuple[Images, Rays, dict[str, Any]]:
-        """Colour, depth and ids of all cameras, their rays, and `info["cameras"]`.
+    def look(self, instant: Instant, rgb: np.ndarray | None = None) -> tuple[Images, Rays, dict[str, Any]]:
+        """Colour, depth and ids of all cameras, their rays, and `info["cameras"]`; valid until the next look.
 
-        Colours are the caller's to keep, depth and ids are overwritten by the next look.
+        Args:
+            instant: when, and of which environment.
+            rgb: (C, H, W, 3) uint8, where colours are to go.
         """
         assert self._scene is not None, "an observer is entered before it observes"
-        base = snapshot.robot_qpos[0, :3].tolist()
+        snapshot, row = instant.snapshot, instant.row
+        base = snapshot.robot_qpos[row, :3].tolist()
         cameras, rays = self.panorama.place(*base)
-        images = _renderer(self._scene, threading.get_ident()).render(
-            snapshot.body_position_w[0], snapshot.body_quaternion_w[0], cameras, _CHANNELS, self._canvas()
+        canvas = _canvas(self.shape)
+        if rgb is not None:
+            canvas = Images({"rgb": rgb, "depth": canvas.depth, "geom": canvas.geom})
+        images = _renderer(self._scene).render(
+            snapshot.body_position_w[row], snapshot.body_quaternion_w[row], cameras, _CHANNELS, canvas
         )
         return images, rays, {"cameras": self.panorama.parameters(cameras)}
 
-    def _canvas(self) -> Images:
-        """Where to render to: memory used before, except for what goes out as it is; new memory takes time."""
-        rgb = np.empty((*self._depth.shape, 3), dtype=np.uint8)
-        return Images({"rgb": rgb, "depth": self._depth, "geom": self._geom})
-
-    def feel(self, snapshot: Snapshot) -> np.ndarray:
+    def feel(self, instant: Instant, out: np.ndarray) -> None:
         """The robot's part of the state, (38,) or (68,) float32."""
-        return np.minimum(np.maximum(observe_robot(snapshot)[0], -self._upper), self._upper)
+        values = observe_robot(instant.snapshot, instant.row)[0]
+        np.minimum(np.maximum(values, -self._upper), self._upper, out=out)
+
+
+_kept = threading.local()
+
+
+def _canvas(shape: tuple[int, int, int]) -> Images:
+    """Where to render to, each thread its own: memory used before, for new memory takes time."""
+    if getattr(_kept, "shape", None) != shape:
+        _kept.shape = shape
+        _kept.images = Images(
+            {
+                "rgb": np.empty((*shape, 3), dtype=np.uint8),
+                "depth": np.empty(shape, dtype=np.float32),
+                "geom": np.empty(shape, dtype=np.int32),
+            }
+        )
+    images: Images = _kept.images
+    return images
 
 
 class RgbdObserver:
@@ -115,16 +132,16 @@ class RgbdObserver:
         """Resolve the masks."""
         self._eyes.enter(scene, target)
 
-    def observe(self, instant: Instant) -> tuple[dict[str, Any], dict[str, Any]]:
+    def observe(self, instant: Instant, out: dict[str, Any]) -> dict[str, Any]:
         """See the class."""
-        images, _, info = self._eyes.look(instant.snapshot)
+        images, _, info = self._eyes.look(instant)
         number, height, width = images.geom.shape
-        rgb = np.empty((height, width, number, 3), dtype=np.uint8)
-        depth = np.empty((height, width, number), dtype=np.float32)
-        seg = np.zeros((height, width, number, self._eyes.masks), dtype=np.bool_)
-        write_channels(images.rgb, images.depth, images.geom, self._eyes.codes, rgb, depth, seg)
-        rgbd = {"rgb": rgb.reshape(height, width, -1), "depth": depth, "seg": seg.reshape(height, width, -1)}
-        return {"rgbd": rgbd, "agent": self._eyes.feel(instant.snapshot)}, info
+        rgb = out["rgbd"]["rgb"].reshape(height, width, number, 3)
+        seg = out["rgbd"]["seg"].reshape(height, width, number, self._eyes.masks)
+        seg[...] = False
+        write_channels(images.rgb, images.depth, images.geom, self._eyes.codes, rgb, out["rgbd"]["depth"], seg)
+        self._eyes.feel(instant, out["agent"])
+        return info
 
 
 class PointCloudObserver:
@@ -169,23 +186,26 @@ class PointCloudObserver:
         """Resolve the masks."""
         self._eyes.enter(scene, target)
 
-    def observe(self, instant: Instant) -> tuple[dict[str, Any], dict[str, Any]]:
+    def observe(self, instant: Instant, out: dict[str, Any]) -> dict[str, Any]:
         """See the class."""
-        images, rays, info = self._eyes.look(instant.snapshot)
-        cloud = self._all(images, rays) if self.sampler is None else self._sampled(images, rays, instant)
-        return {"pointcloud": cloud, "agent": self._eyes.feel(instant.snapshot)}, info
+        cloud = out["pointcloud"]
+        self._eyes.feel(instant, out["agent"])
+        if self.sampler is None:
+            return self._all(instant, cloud)
+        return self._sampled(instant, self.sampler, cloud)
 
-    def _all(self, images: Images, rays: Rays) -> dict[str, np.ndarray]:
-        shape, masks = images.geom.shape, self._eyes.masks
-        xyz = np.empty((*shape, 3), dtype=np.float32)
-        seg = np.zeros((*shape, masks), dtype=np.bool_)
+    def _all(self, instant: Instant, cloud: dict[str, np.ndarray]) -> dict[str, Any]:
+        shape = self._eyes.shape
+        images, rays, info = self._eyes.look(instant, cloud["rgb"].reshape(*shape, 3))
+        xyz, seg = cloud["xyz"].reshape(*shape, 3), cloud["seg"].reshape(*shape, self._eyes.masks)
+        seg[...] = False
         write_cloud(images.depth, images.geom, self._eyes.codes, rays, xyz, seg)
-        return {"xyz": xyz.reshape(-1, 3), "rgb": images.rgb.reshape(-1, 3), "seg": seg.reshape(-1, masks)}
+        return info
 
-    def _sampled(self, images: Images, rays: Rays, instant: Instant) -> dict[str, np.ndarray]:
+    def _sampled(self, instant: Instant, sampler: Sampler, cloud: dict[str, np.ndarray]) -> dict[str, Any]:
         """The sampler's choice of pixels; only those become points."""
-        sampler, depth, geom = self.sampler, images.depth, images.geom
-        assert sampler is not None
+        images, rays, info = self._eyes.look(instant)
+        depth, geom = images.depth, images.geom
 
         def positions_of(pixels: np.ndarray) -> np.ndarray:
             xyz = np.empty((len(pixels), 3), dtype=np.float32)
@@ -197,22 +217,23 @@ class PointCloudObserver:
         pixel_codes = code_images.reshape(-1)
         generator = level_generator(instant.level, Stream.POINTS, instant.elapsed)
         chosen = sampler.choose(pixel_codes, positions_of, generator)
-        found, masks = len(chosen), self._eyes.masks
-        xyz = np.zeros((sampler.num_points, 3), dtype=np.float32)
-        rgb = np.zeros((sampler.num_points, 3), dtype=np.uint8)
-        seg = np.zeros((sampler.num_points, masks), dtype=np.bool_)
+        found = len(chosen)
+        for part in cloud.values():
+            part[found:] = 0
+        xyz = cloud["xyz"]
         xyz[:found] = positions_of(chosen)
         if self._frame != "world":
-            move_to_frame(xyz[:found], *_frame_pose(self._frame, instant.snapshot))
-        rgb[:found] = images.rgb.reshape(-1, 3)[chosen]
-        seg[:found] = (pixel_codes[chosen, None] >> np.arange(masks, dtype=np.uint8)) & 1
-        return {"xyz": xyz, "rgb": rgb, "seg": seg}
+            move_to_frame(xyz[:found], *_frame_pose(self._frame, instant))
+        cloud["rgb"][:found] = images.rgb.reshape(-1, 3)[chosen]
+        cloud["seg"][:found] = (pixel_codes[chosen, None] >> np.arange(self._eyes.masks, dtype=np.uint8)) & 1
+        return info
 
 
-def _frame_pose(frame: str, snapshot: Snapshot) -> tuple[np.ndarray, np.ndarray]:
+def _frame_pose(frame: str, instant: Instant) -> tuple[np.ndarray, np.ndarray]:
     """Origin (3,) and axes as columns (3, 3), in the world."""
+    snapshot, row = instant.snapshot, instant.row
     if frame == "end_effector":
-        return snapshot.tool_position_w[0, 0], np.ascontiguousarray(snapshot.tool_rotation_w[0, 0])
-    x, y, yaw = snapshot.robot_qpos[0, :3].tolist()
+        return snapshot.tool_position_w[row, 0], np.ascontiguousarray(snapshot.tool_rotation_w[row, 0])
+    x, y, yaw = snapshot.robot_qpos[row, :3].tolist()
     cosine, sine = math.cos(yaw), math.sin(yaw)
     return np.array((x, y, 0.0)), np.array(((cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0)))

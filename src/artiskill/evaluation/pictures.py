@@ -217,4 +217,4 @@ def _painter(env: ManipulationEnv, obj: ArticulatedObject, style: PictureStyle) 
 
 
 def _instant(env: ManipulationEnv, level: int, steps: int) -> Instant:
-    return Instant(env.snapshot, env.goal, level, steps)
+    return Instant(env.snapshot, env.goal, 0, level, steps)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from artiskill.envs.observation import Instant
+from artiskill.envs.observation import Instant, empty_observation
 from artiskill.envs.rendering import HEIGHT, WIDTH, Viewpoint, WorldView
 from artiskill.envs.vision import PointCloudObserver
 from artiskill.errors import ConfigError, UnknownNameError
@@ -94,7 +94,8 @@ class ScenePainter:
         view, masks = self._style.view, self._style.masks
         if view == "world":
             return self._draw_world(instant, masks)
-        observation, info = self._observer.observe(instant)
+        observation = empty_observation(self._observer.space)
+        info = self._observer.observe(instant, observation)
         cloud = observation["pointcloud"]
         if view == "sensor":
             return self._draw_strip(cloud, masks)

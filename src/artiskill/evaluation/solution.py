@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from artiskill.envs.manipulation import OBSERVATION_MODES
+from artiskill.envs.modes import OBSERVATION_MODES
 from artiskill.errors import PolicyError, UnknownNameError
 
 LEGAL_FORMS = (

@@ -59,3 +59,23 @@ def check_action(action: object, size: int) -> np.ndarray:
         bad = np.flatnonzero(~np.isfinite(array)).tolist()
         raise ActionError(f"an action has finite numbers; entries {bad} are {array[bad].tolist()}")
     return array
+
+
+def check_actions(actions: object, num_envs: int, size: int) -> np.ndarray:
+    """Actions of a vector of environments as a float64 array.
+
+    Raises:
+        ActionError: they are not `num_envs` rows of `size` finite numbers.
+    """
+    try:
+        array = np.asarray(actions, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ActionError(f"actions are an array of shape ({num_envs}, {size}), not {actions!r}") from error
+    if array.shape != (num_envs, size):
+        raise ActionError(f"actions have shape ({num_envs}, {size}), not {array.shape}")
+    finite = np.isfinite(array).all(axis=1)
+    if not finite.all():
+        raise ActionError(
+            f"actions have finite numbers; not so those of environments {np.flatnonzero(~finite).tolist()}"
+        )
+    return array

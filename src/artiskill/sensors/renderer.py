@@ -1,6 +1,7 @@
 """`Renderer`: a scene's surfaces, poses of its bodies and cameras to images."""
 
 import math
+import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -26,7 +27,7 @@ __all__ = ("CHANNELS", "Images", "Renderer")
 
 
 class Renderer:
-    """Draws one scene in any state. It keeps its buffers: call it from one thread at a time."""
+    """Draws one scene in any state. It keeps buffers, its own for each thread that calls."""
 
     def __init__(self, visuals: Sequence[BodyVisual], config: RenderConfig) -> None:
         """Build what does not depend on the state.
@@ -44,7 +45,7 @@ class Renderer:
         self._lights = lights(config)
         self._plain_colours = self._display_plain_colours()
         self._plain: dict[int, np.ndarray] = {}
-        self._scratch: dict[tuple[int, int], list[Scratch]] = {}
+        self._scratch: dict[tuple[int, int, int], list[Scratch]] = {}  # by calling thread and resolution
         self._pool: ThreadPoolExecutor | None = None
         self._pool_size = 0
         self._picture: PictureShader | None = None
@@ -210,7 +211,7 @@ class Renderer:
         return poses
 
     def _scratches(self, resolution: tuple[int, int], count: int) -> list[Scratch]:
-        known = self._scratch.setdefault(resolution, [])
+        known = self._scratch.setdefault((threading.get_ident(), *resolution), [])
         while len(known) < count:
             known.append(allocate_scratch(self._tables, *resolution))
         return known[:count]

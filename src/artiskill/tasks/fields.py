@@ -89,17 +89,17 @@ def robot_size(snapshot: Snapshot) -> int:
     return 6 * fingertips + 2 * joints
 
 
-def write_robot(snapshot: Snapshot, out: Array) -> None:
-    """Write the numbers of `robot_fields` into `out`, (B, robot_size)."""
+def write_robot(snapshot: Snapshot, out: Array, rows: slice = slice(None)) -> None:
+    """Write the numbers of `robot_fields` into `out`, (B, robot_size), of all environments or of some rows."""
     xp = namespace(out)
-    batch, tips = snapshot.fingertip_velocity_w.shape[:2]
+    batch, tips = out.shape[0], snapshot.fingertip_velocity_w.shape[1]
     values = (
-        xp.reshape(snapshot.fingertip_position_w, (batch, 3 * tips)),
-        xp.reshape(snapshot.fingertip_velocity_w, (batch, 3 * tips)),
-        snapshot.robot_qpos[:, :3],
-        snapshot.robot_qvel[:, :3],
-        snapshot.robot_qpos[:, 3:],
-        snapshot.robot_qvel[:, 3:],
+        xp.reshape(snapshot.fingertip_position_w[rows], (batch, 3 * tips)),
+        xp.reshape(snapshot.fingertip_velocity_w[rows], (batch, 3 * tips)),
+        snapshot.robot_qpos[rows, :3],
+        snapshot.robot_qvel[rows, :3],
+        snapshot.robot_qpos[rows, 3:],
+        snapshot.robot_qvel[rows, 3:],
     )
     start = 0
     for value in values:
@@ -107,11 +107,11 @@ def write_robot(snapshot: Snapshot, out: Array) -> None:
         start += value.shape[1]
 
 
-def observe_robot(snapshot: Snapshot) -> Array:
-    """The numbers of `robot_fields` alone, (B, robot_size) float32."""
+def observe_robot(snapshot: Snapshot, row: int) -> Array:
+    """The numbers of `robot_fields` alone, of one environment: (1, robot_size) float32."""
     xp = namespace(snapshot.robot_qpos)
-    values = xp.zeros((snapshot.robot_qpos.shape[0], robot_size(snapshot)), dtype=xp.float32)
-    write_robot(snapshot, values)
+    values = xp.zeros((1, robot_size(snapshot)), dtype=xp.float32)
+    write_robot(snapshot, values, slice(row, row + 1))
     return values
 
 

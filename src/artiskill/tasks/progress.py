@@ -24,16 +24,23 @@ class Progress:
         self.elapsed = np.zeros(num_envs, dtype=np.int64)
         self.streaks = np.zeros((num_envs, len(self.flag_names)), dtype=np.int64)
 
-    def restart(self) -> None:
-        """A new episode everywhere."""
-        self.elapsed[:] = 0
-        self.streaks[:] = 0
+    def restart(self, envs: Sequence[int] | None = None) -> None:
+        """A new episode everywhere, or in some environments."""
+        rows = slice(None) if envs is None else envs
+        self.elapsed[rows] = 0
+        self.streaks[rows] = 0
 
-    def advance(self, flags: Mapping[str, np.ndarray]) -> None:
-        """Count one environment step with these flags, each (B,) bool."""
-        self.streaks += 1
-        self.streaks *= columns([flags[name] for name in self.flag_names])
-        self.elapsed += 1
+    def advance(self, flags: Mapping[str, np.ndarray], active: np.ndarray | None = None) -> None:
+        """Count one environment step with these flags, each (B,) bool; of the active environments, (B,) bool."""
+        held = columns([flags[name] for name in self.flag_names])
+        if active is None:
+            self.elapsed += 1
+            self.streaks += 1
+            self.streaks *= held
+        else:
+            self.elapsed += active
+            self.streaks += active[:, None]
+            self.streaks *= held | ~active[:, None]
 
     @property
     def counted(self) -> np.ndarray:

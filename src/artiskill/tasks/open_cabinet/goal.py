@@ -1,8 +1,9 @@
 """The goal of the cabinet tasks: which joint, how far, and where its handle is."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,8 +14,6 @@ from artiskill.geometry.rotations import quat_to_matrix
 
 # A plane that every point lies inside of, far away: it pads hulls with fewer planes than their batch's largest.
 _NO_PLANE = np.array((0.0, 0.0, 0.0, -1e3))
-# What fills the fields of unequal length; None: their first entry again.
-_PADDED = {"handle_planes": _NO_PLANE, "grasp_positions": None, "grasp_rotations": None}
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +37,12 @@ class OpenGoal:
         grasp_rotations: (B, G, 3, 3) hand orientations, columns are the hand's axes.
         grasp_width_m: (B,) extent of the handle between the pads.
     """
+
+    PADDING: ClassVar[Mapping[str, np.ndarray | None]] = {
+        "handle_planes": _NO_PLANE,
+        "grasp_positions": None,
+        "grasp_rotations": None,
+    }
 
     row: Array
     joint: Array
@@ -95,23 +100,3 @@ def make_open_goal(obj: ArticulatedObject, target: str, open_fraction: float) ->
         grasp_rotations=quat_to_matrix(handle.grasp_quaternions)[None],
         grasp_width_m=np.array([handle.grasp_width_m]),
     )
-
-
-def stack_goals(goals: Sequence[OpenGoal]) -> OpenGoal:
-    """One goal of B = sum of the goals' batches; hulls and grasps are padded to the largest number of them."""
-    most = {name: max(getattr(goal, name).shape[1] for goal in goals) for name in _PADDED}
-    columns = {}
-    for f in fields(OpenGoal):
-        values = [getattr(goal, f.name) for goal in goals]
-        if f.name in _PADDED:
-            values = [_pad(v, most[f.name], _PADDED[f.name]) for v in values]
-        columns[f.name] = np.concatenate(values)
-    columns["row"] = np.arange(len(columns["joint"]))
-    return OpenGoal(**columns)
-
-
-def _pad(values: np.ndarray, count: int, padding: np.ndarray | None) -> np.ndarray:
-    """Rows (B, N, ...) filled up to `count` with `padding`, or with the first row, which then counts no less."""
-    missing = count - values.shape[1]
-    fill = values[:, :1] if padding is None else padding
-    return np.concatenate((values, np.broadcast_to(fill, (len(values), missing, *values.shape[2:]))), axis=1)

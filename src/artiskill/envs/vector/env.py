@@ -1,0 +1,309 @@
+"""`ManipulationVectorEnv`: many episodes of a task at once, as one of Gymnasium's vector environments."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+
+from artiskill.envs.casting import Casting, ObjectChoice
+from artiskill.envs.control import JOINT, Control
+from artiskill.envs.modes import OBSERVERS, RENDER_MODES, check_modes
+from artiskill.envs.observation import Observer, empty_observation
+from artiskill.envs.rendering import Viewpoint, WorldView
+from artiskill.envs.state import EnvState
+from artiskill.envs.vector.episodes import Episodes
+from artiskill.envs.vector.info import only, stacked, with_masks
+from artiskill.envs.vector.observation import (
+    VectorObserver,
+    VectorStateObserver,
+    VectorVisionObserver,
+    copied,
+    copy_rows,
+    row_of,
+)
+from artiskill.envs.vector.options import (
+    as_autoreset_mode,
+    at_least_one,
+    per_env,
+    reset_mask,
+    reset_seeds,
+    thread_count,
+)
+from artiskill.envs.vector.state import restore_env, save_env
+from artiskill.errors import ConfigError, ResetNeededError
+from artiskill.robots.actions import check_actions
+from artiskill.tasks.levels import check_level
+from artiskill.tasks.registry import make_task
+
+
+class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
+    """B episodes of one task, over one object or many, stepped as one batch.
+
+    Each environment does bit for bit what a `ManipulationEnv` does with the same level and actions, for any number
+    of environments and threads and in any order of resets. Spaces, rewards, modes and options are those of
+    `ManipulationEnv`, with a leading dimension B; `reset(seed=s)` starts the levels s, s + 1, ....
+
+    `info` has what a single environment's has, as arrays with Gymnasium's masks beside them.
+
+    Args:
+        num_envs: B.
+        task: as in `ManipulationEnv`, as all up to `config`.
+        objects: what the levels draw from.
+        target: a fixed target link.
+        obs_mode: `state`, `pointcloud` or `rgbd`.
+        reward_mode: `dense` or `sparse`.
+        control_mode: `joint` or `operational_space`.
+        render_mode: None or `rgb_array`.
+        config: values of the task's YAML to change.
+        env_objects: what each environment draws from, if not all from the same: B choices.
+        num_threads: threads that step and draw; None for one per core, but no more than B.
+        copy: whether observations are the caller's to keep. Else each call writes into the same arrays.
+        autoreset_mode: what happens after an episode's end: `next_step` (the next `step` resets), `same_step`
+            (reset at once; the last observation and info go to `info["final_obs"]` and `info["final_info"]`) or
+            `disabled` (call `reset(options={"reset_mask": done})`).
+
+    Raises:
+        UnknownNameError: as `ManipulationEnv`.
+        ConfigError: as `ManipulationEnv`; fewer than one environment or thread.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 20}  # noqa: RUF012 - as in Gymnasium
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        task: str = "OpenCabinetDrawer",
+        objects: ObjectChoice = "train",
+        target: str | None = None,
+        obs_mode: str = "state",
+        reward_mode: str = "dense",
+        control_mode: str = JOINT,
+        render_mode: str | None = None,
+        config: Mapping[str, Any] | None = None,
+        env_objects: Sequence[ObjectChoice] | None = None,
+        num_threads: int | None = None,
+        copy: bool = True,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+    ) -> None:
+        check_modes(obs_mode, reward_mode, control_mode, render_mode)
+        self.num_envs = at_least_one("num_envs", num_envs)
+        self.num_threads = thread_count(num_threads, num_envs)
+        self.task = make_task(task, config)
+        self.obs_mode, self.reward_mode, self.render_mode, self._copy = obs_mode, reward_mode, render_mode, copy
+        self._autoreset = as_autoreset_mode(autoreset_mode)
+        self.metadata = self.metadata | {"autoreset_mode": self._autoreset}
+        each = [objects] if env_objects is None else per_env("env_objects", env_objects, num_envs)
+        castings = [Casting(self.task, choice, target) for choice in each]
+        self.control = Control(self.task.robot, control_mode)
+        self.single_action_space = self.control.space
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._episodes = Episodes(self.task, castings * (num_envs // len(castings)), self.num_threads)
+        self._done = np.zeros(num_envs, dtype=bool)
+        self._views: dict[int, WorldView] = {}
+        if obs_mode == "state":
+            self._look_with(VectorStateObserver(self.task))
+        else:
+            self.observe_with(lambda: OBSERVERS[obs_mode](self.task))
+
+    # -- episodes ------------------------------------------------------------------------------------------------
+
+    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Start episodes in all environments, or in those of `options["reset_mask"]`.
+
+        Args:
+            seed: a level for the first environment (the others have the next ones), or a list of B, or of Nones.
+            options: `level`, `object` and `target`, each one for all or a list of B; `reset_mask`, (B,) bool.
+
+        Raises:
+            ConfigError: a level that is no integer in range, a list of another length, an illegal mask.
+            UnknownNameError: an unknown option, object or target link.
+        """
+        given = dict(options or {})
+        mask = reset_mask(given, self.num_envs)
+        if not mask.all() and not self._episodes.begun:
+            raise ResetNeededError("the first reset() must be of all environments")
+        seeds = reset_seeds(seed, self.num_envs)
+        levels, objects, targets = (
+            per_env(key, given.get(key), self.num_envs) for key in ("level", "object", "target")
+        )
+        envs = np.flatnonzero(mask).tolist()
+        chosen = [None if levels[env] is None else check_level(levels[env]) for env in envs]
+        drawn = [self._level(env, seeds[env], level) for env, level in zip(envs, chosen, strict=True)]
+        self._start(envs, drawn, [objects[env] for env in envs], [targets[env] for env in envs])
+        self._episodes.evaluate()
+        self._done[envs] = False
+        self._renew(keep=~mask)
+        added = self._observe(envs)
+        return self._buffer, with_masks(self._info(added), mask)
+
+    def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """One environment step of 0.05 s of all environments.
+
+        Args:
+            actions: (B, A).
+
+        Returns:
+            Observations, rewards (B,), terminations (B,), truncations (B,) and infos. With `next_step`, an
+            environment whose episode was over starts the next one instead: no action, reward 0.
+
+        Raises:
+            ActionError: actions of the wrong shape or with values that are not finite.
+            ResetNeededError: called before the first `reset`, or, without automatic resets, with an episode over.
+        """
+        actions = check_actions(actions, self.num_envs, self.control.size)
+        if not self._episodes.begun:
+            raise ResetNeededError("call reset() before step()")
+        resting = self._done
+        if self._autoreset is AutoresetMode.DISABLED and resting.any():
+            over = np.flatnonzero(resting).tolist()
+            raise ResetNeededError(f"the episodes of environments {over} are over; reset them by a reset_mask")
+        self._advance(actions, resting)
+        rewards, terminated, truncated = self._episodes.outcome(self.reward_mode == "dense", resting)
+        self._done = terminated | truncated
+        self._renew()
+        if self._autoreset is AutoresetMode.SAME_STEP and self._done.any():
+            return self._buffer, rewards, terminated, truncated, self._restart_at_once()
+        return self._buffer, rewards, terminated, truncated, self._info_of_all()
+
+    def _advance(self, actions: np.ndarray, resting: np.ndarray) -> None:
+        """Step the environments that do not rest, start new episodes in those that do."""
+        episodes, targets = self._episodes, []
+        for squad, taken, members in episodes.fleet:
+            rows = np.zeros((len(squad.members), actions.shape[1]))
+            rows[taken] = actions[members]
+            targets.append((squad, self.control.to_targets(rows, squad.snapshot)))
+        episodes.fleet.step(targets, resting)
+        if resting.any():
+            self._restart(resting)
+        episodes.evaluate()
+        episodes.progress.advance(episodes.flags, ~resting)
+
+    def _restart_at_once(self) -> dict[str, Any]:
+        """Report the last instant of the episodes that are over, and start new ones: the infos of the step."""
+        over = self._done
+        last = self._info(self._observe(np.flatnonzero(over).tolist()))
+        final_obs = np.full(self.num_envs, None, dtype=object)
+        for env in np.flatnonzero(over).tolist():
+            final_obs[env] = copied(row_of(self._buffer, env))
+        final = {"final_obs": final_obs, "final_info": with_masks(only(last, over), over)}
+        self._restart(over)
+        self._episodes.evaluate()
+        self._done = np.zeros(self.num_envs, dtype=bool)
+        return {**self._info_of_all(), **final, "_final_obs": over, "_final_info": over.copy()}
+
+    def _restart(self, over: np.ndarray) -> None:
+        envs = np.flatnonzero(over).tolist()
+        nothing = [None] * len(envs)
+        self._start(envs, [self._episodes.next_level(env) for env in envs], nothing, nothing)
+
+    def _level(self, env: int, seed: int | None, chosen: int | None) -> int:
+        """The level of a reset: what the options say, else the seed, else the next one."""
+        if chosen is not None and seed is None:
+            return chosen
+        level = self._episodes.next_level(env, seed)
+        return level if chosen is None else chosen
+
+    def _start(
+        self, envs: list[int], levels: Sequence[int], objects: Sequence[Any], targets: Sequence[Any]
+    ) -> None:
+        for env in self._episodes.start(envs, levels, objects, targets):
+            self._enter(env)
+
+    def _enter(self, env: int) -> None:
+        self._observer.enter(env, self._episodes.fleet.scene_of(env), self._episodes.targets[env])
+        self._views.pop(env, None)
+
+    # -- observations --------------------------------------------------------------------------------------------
+
+    def observe_with(self, make_observer: Callable[[], Observer]) -> None:
+        """Observe in another way from the next `reset` or `step` on, each with its own observer; for wrappers."""
+        self._look_with(VectorVisionObserver(make_observer, self.num_envs, self.num_threads))
+
+    def _look_with(self, observer: VectorObserver) -> None:
+        self._observer = observer
+        self.single_observation_space = observer.space
+        self.observation_space = batch_space(observer.space, self.num_envs)
+        self._buffer = empty_observation(observer.space, (self.num_envs,))
+        for env in range(self.num_envs if self._episodes.begun else 0):
+            self._enter(env)
+
+    def _renew(self, keep: np.ndarray | None = None) -> None:
+        """The arrays of this call's observations, with those of some environments as they were."""
+        if self._copy:
+            old, self._buffer = self._buffer, empty_observation(self.single_observation_space, (self.num_envs,))
+            if keep is not None and keep.any():
+                copy_rows(old, self._buffer, keep)
+
+    def _observe(self, envs: list[int]) -> dict[int, dict[str, Any]]:
+        episodes = self._episodes
+        return self._observer.observe(
+            episodes.fleet, np.array(envs), episodes.levels, episodes.progress.elapsed, self._buffer
+        )
+
+    def _info(self, added: Mapping[int, Mapping[str, Any]]) -> dict[str, Any]:
+        return self._episodes.info() | stacked(added, self.num_envs)
+
+    def _info_of_all(self) -> dict[str, Any]:
+        """Observe everything; the infos."""
+        return with_masks(
+            self._info(self._observe(list(range(self.num_envs)))), np.ones(self.num_envs, dtype=bool)
+        )
+
+    def render(self) -> tuple[np.ndarray, ...]:
+        """Every scene from the world camera, B of (480, 640, 3) uint8.
+
+        Raises:
+            ResetNeededError: called before the first `reset`.
+            ConfigError: the environment was made without `render_mode="rgb_array"`.
+        """
+        if self.render_mode is None:
+            raise ConfigError("this environment was made without a render mode; pass render_mode='rgb_array'")
+        if not self._episodes.begun:
+            raise ResetNeededError("call reset() before render()")
+        fleet = self._episodes.fleet
+        for env in set(range(self.num_envs)) - self._views.keys():
+            self._views[env] = WorldView(fleet.scene_of(env), Viewpoint().camera(self.task.world_camera))
+        seen = ((self._views[env], fleet.squad_of(env), int(fleet.slot[env])) for env in range(self.num_envs))
+        return tuple(view.draw(squad.snapshot, slot) for view, squad, slot in seen)
+
+    # -- single environments -------------------------------------------------------------------------------------
+
+    def save_state(self, env: int) -> EnvState:
+        """The instant of one environment; a `ManipulationEnv` takes it too."""
+        return save_env(self._episodes, env)
+
+    def restore_state(self, env: int, state: EnvState) -> None:
+        """Take back an instant, of this or a single environment; what it observes comes with the next `step`.
+
+        Raises:
+            StateError: as `ManipulationEnv.restore_state`.
+        """
+        restore_env(self._episodes, env, state)
+        self._enter(env)
+        self._done[env] = False
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """An attribute of every environment: `object`, `level`, `target`, or one that all share, such as `task`.
+
+        Raises:
+            AttributeError: there is none of this name.
+        """
+        own = self._episodes.attributes()
+        return tuple(own[name].tolist()) if name in own else (getattr(self, name),) * self.num_envs
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """`save_state` or `render` of every environment, or an attribute as `get_attr` has it.
+
+        Raises:
+            AttributeError: there is none of this name.
+            ConfigError: another method: it would not be of one environment.
+        """
+        if name in ("save_state", "render"):
+            return self.render() if name == "render" else tuple(map(self.save_state, range(self.num_envs)))
+        found = self.get_attr(name)
+        if callable(found[0]):
+            raise ConfigError(f"{name!r} is no method of one environment; legal: save_state, render")
+        return found

@@ -1,0 +1,171 @@
+"""`Fleet`: the environments of a vector, in squads of one layout each.
+
+A squad is one simulation, one snapshot and one stacked goal, so that physics, rewards and observations of all its
+environments are one call each. Objects of one category nearly always share a layout; an environment whose next
+object has another one moves over.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from artiskill.scene.layout import Layout
+from artiskill.scene.scene import Scene
+from artiskill.sim.simulation import Simulation
+from artiskill.sim.snapshot import Snapshot
+from artiskill.sim.states import InitialState
+from artiskill.tasks.goals import put_goal, stack_goals
+from artiskill.tasks.task import Goal
+
+FREE = -1
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """How one environment's episode begins."""
+
+    scene: Scene
+    goal: Goal
+    state: InitialState
+
+
+class Squad:
+    """Environments of one layout; each has a slot of the simulation. Some slots may be free.
+
+    Attributes:
+        simulation: of all slots.
+        members: (S,) which environment of the vector has each slot, or `FREE`.
+        goal: of all slots.
+        snapshot: of all slots, now.
+    """
+
+    def __init__(self, scene: Scene, goal: Goal, slots: int, num_threads: int) -> None:
+        self.simulation = Simulation(scene, slots, num_threads)
+        self.members = np.full(slots, FREE)
+        self._goals = [goal] * slots
+        self.goal: Goal = stack_goals(self._goals)
+        self.snapshot: Snapshot = self.simulation.snapshot()
+
+    @property
+    def taken(self) -> np.ndarray:
+        """The slots that have an environment, sorted."""
+        return np.flatnonzero(self.members != FREE)
+
+    def make_room(self, count: int, most: int) -> None:
+        """See to it that `count` slots are free; a squad that grows doubles, but never beyond `most`."""
+        slots = len(self.members)
+        needed = count - int((self.members == FREE).sum())
+        if needed > 0:
+            grown = min(max(slots + needed, 2 * slots), most)
+            self.simulation.grow(grown)
+            self.members = np.append(self.members, np.full(grown - slots, FREE))
+            self._goals += [self._goals[0]] * (grown - slots)
+            self.goal = stack_goals(self._goals)
+
+    def start(self, slots: Sequence[int], starts: Sequence[Start]) -> None:
+        """Begin episodes in sorted slots."""
+        stale = False
+        for slot, start in zip(slots, starts, strict=True):
+            if self._goals[slot] is not start.goal:
+                self._goals[slot] = start.goal
+                stale = not put_goal(self.goal, slot, start.goal) or stale
+        if stale:
+            self.goal = stack_goals(self._goals)
+        self.simulation.reset([s.state for s in starts], list(slots), [s.scene for s in starts])
+
+    def look(self) -> None:
+        """Bring the snapshot up to date."""
+        self.snapshot = self.simulation.snapshot()
+
+
+class Fleet:
+    """All environments of a vector.
+
+    Attributes:
+        squads: by layout.
+        slot: (B,) each environment's slot in its squad.
+    """
+
+    def __init__(self, num_envs: int, num_threads: int) -> None:
+        self.num_envs, self._num_threads = num_envs, num_threads
+        self._squads: dict[Layout, Squad] = {}
+        self._squad_of: list[Squad | None] = [None] * num_envs
+        self.slot = np.full(num_envs, FREE)
+
+    @property
+    def squads(self) -> tuple[Squad, ...]:
+        """Those that have any environment."""
+        return tuple(squad for squad in self._squads.values() if len(squad.taken))
+
+    def squad_of(self, env: int) -> Squad:
+        """The squad that an environment is in; it has been started."""
+        squad = self._squad_of[env]
+        assert squad is not None, "an environment is started before it is asked for"
+        return squad
+
+    def scene_of(self, env: int) -> Scene:
+        """What an environment simulates."""
+        return self.squad_of(env).simulation.scenes[self.slot[env]]
+
+    def start(self, envs: Sequence[int], starts: Sequence[Start]) -> None:
+        """Begin episodes; environments go over to another squad where their scene's layout asks for it."""
+        arriving: dict[Layout, list[tuple[int, Start]]] = {}
+        for env, start in zip(envs, starts, strict=True):
+            arriving.setdefault(start.scene.layout, []).append((env, start))
+        for layout, group in arriving.items():
+            for env, _ in group:
+                self._leave(env, layout)
+        for layout, group in arriving.items():
+            squad = self._enter(layout, group)
+            placed = sorted((int(self.slot[env]), start) for env, start in group)
+            squad.start([slot for slot, _ in placed], [start for _, start in placed])
+            squad.look()
+
+    def _leave(self, env: int, layout: Layout) -> None:
+        squad = self._squad_of[env]
+        if squad is not None and squad is not self._squads.get(layout):
+            squad.members[self.slot[env]] = FREE
+            self._squad_of[env], self.slot[env] = None, FREE
+
+    def _enter(self, layout: Layout, group: list[tuple[int, Start]]) -> Squad:
+        new = [env for env, _ in group if self._squad_of[env] is None]
+        if layout not in self._squads:
+            start = group[0][1]
+            self._squads[layout] = Squad(start.scene, start.goal, len(new), self._num_threads)
+        squad = self._squads[layout]
+        squad.make_room(len(new), self.num_envs)
+        for env, slot in zip(new, np.flatnonzero(squad.members == FREE), strict=False):
+            squad.members[slot] = env
+            self._squad_of[env], self.slot[env] = squad, slot
+        return squad
+
+    def step(self, targets: Sequence[tuple[Squad, np.ndarray]], resting: np.ndarray) -> None:
+        """One environment step.
+
+        Args:
+            targets: of each squad, (S, R).
+            resting: (B,) bool, environments that do not step.
+        """
+        for squad, values in targets:
+            members = squad.members
+            active = members != FREE
+            active[active] = ~resting[members[active]]
+            if active.any():
+                squad.simulation.step(values, None if active.all() else np.flatnonzero(active))
+                squad.look()
+
+    def gather(self, of_squad: Any, like: np.ndarray) -> np.ndarray:
+        """Values of all environments: `of_squad(squad)` is (S, ...), `like` gives dtype and shape behind (B,)."""
+        out = np.empty((self.num_envs, *like.shape[1:]), dtype=like.dtype)
+        for squad in self.squads:
+            taken = squad.taken
+            out[squad.members[taken]] = of_squad(squad)[taken]
+        return out
+
+    def __iter__(self) -> Iterator[tuple[Squad, np.ndarray, np.ndarray]]:
+        """Each squad with its taken slots and the environments in them."""
+        for squad in self.squads:
+            taken = squad.taken
+            yield squad, taken, squad.members[taken]

@@ -1,0 +1,93 @@
+"""What callers of a vector environment may give per environment: seeds, options, masks."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+
+from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.errors import ConfigError, check_name
+from artiskill.jobs.parallel import available_cores
+from artiskill.tasks.levels import check_level
+
+RESET_OPTIONS = ("level", "object", "target", "reset_mask")
+_MODES = {mode.name.lower(): mode for mode in AutoresetMode}
+
+
+def as_autoreset_mode(given: AutoresetMode | str) -> AutoresetMode:
+    """Gymnasium's mode by itself or by its name, such as `same_step`.
+
+    Raises:
+        UnknownNameError: no such mode.
+    """
+    if isinstance(given, AutoresetMode):
+        return given
+    check_name("autoreset mode", given, tuple(_MODES))
+    return _MODES[given]
+
+
+def per_env(what: str, given: Any, num_envs: int) -> list[Any]:
+    """One value for each environment: a sequence of them, or the same for all.
+
+    Raises:
+        ConfigError: a sequence of another length.
+    """
+    if given is None or isinstance(given, str | int | np.integer | ArticulatedObject):
+        return [given] * num_envs
+    if isinstance(given, Sequence | np.ndarray) and len(given) == num_envs:
+        return list(given)
+    count = f"{len(given)} of them" if isinstance(given, Sequence | np.ndarray) else repr(given)
+    raise ConfigError(f"{what}: one for all environments or a list of {num_envs} is needed, not {count}")
+
+
+def reset_mask(options: Mapping[str, Any], num_envs: int) -> np.ndarray:
+    """(B,) bool, which environments a reset is about.
+
+    Raises:
+        UnknownNameError: an unknown option.
+        ConfigError: a mask that is no array of B booleans, or has none set.
+    """
+    for key in options:
+        check_name("reset option", key, RESET_OPTIONS)
+    mask = options.get("reset_mask")
+    if mask is None:
+        return np.ones(num_envs, dtype=bool)
+    if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (num_envs,) or not mask.any():
+        raise ConfigError(
+            f"reset_mask must be an array of {num_envs} booleans with at least one set, not {mask!r}"
+        )
+    return mask
+
+
+def reset_seeds(seed: Any, num_envs: int) -> list[int | None]:
+    """Each environment's seed: the given ones, or `seed`, `seed + 1`, ... of a single number.
+
+    Raises:
+        ConfigError: a seed that is no level, or a list of another length.
+    """
+    if seed is None:
+        return [None] * num_envs
+    if isinstance(seed, int | np.integer) and not isinstance(seed, bool):
+        seed = [int(seed) + i for i in range(num_envs)]
+    return [None if s is None else check_level(s) for s in per_env("seed", seed, num_envs)]
+
+
+def at_least_one(name: str, value: Any) -> int:
+    """A count.
+
+    Raises:
+        ConfigError: no whole number, or less than 1.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise ConfigError(f"{name} must be a whole number of at least 1, not {value!r}")
+    return int(value)
+
+
+def thread_count(given: Any, num_envs: int) -> int:
+    """As many threads as were asked for, else as there are cores, but no more than environments.
+
+    Raises:
+        ConfigError: as `at_least_one`.
+    """
+    return min(available_cores() if given is None else at_least_one("num_threads", given), num_envs)
