@@ -129,3 +129,55 @@ def test_physics_that_runs_away_is_an_error(scene: Scene, tmp_path: Path, monkey
         simulation.step(np.zeros((2, 13)))
     simulation.reset([start(scene, 1)], env_ids=[1])
     simulation.step(np.zeros((2, 13)))
+
+
+def test_a_rollout_is_its_steps(scene: Scene) -> None:
+    targets = np.random.default_rng(0).uniform(-0.3, 0.3, (2, 4, 13))
+    one, other = (Simulation(scene, num_envs=2) for _ in range(2))
+    for simulation in (one, other):
+        simulation.reset([start(scene, 0), start(scene, 1)])
+    snapshots = one.rollout(targets)
+    assert len(snapshots) == 4
+    for k, snapshot in enumerate(snapshots):
+        other.step(targets[:, k])
+        np.testing.assert_array_equal(snapshot.robot_qpos, other.snapshot().robot_qpos)
+        np.testing.assert_array_equal(snapshot.link_position_w, other.snapshot().link_position_w)
+
+
+def test_growing_changes_nothing_about_those_that_are_there(scene: Scene) -> None:
+    targets = np.random.default_rng(0).uniform(-0.3, 0.3, (5, 13))
+    grown, plain = Simulation(scene, num_envs=2), Simulation(scene, num_envs=2)
+    for simulation in (grown, plain):
+        simulation.reset([start(scene, 0), start(scene, 1)])
+        simulation.step(targets[:2])
+    grown.grow(5)
+    grown.step(targets)
+    plain.step(targets[:2])
+    np.testing.assert_array_equal(grown.save([0, 1]).rows, plain.save().rows)
+
+
+def test_environments_may_have_different_scenes_of_one_layout(scene: Scene) -> None:
+    other = build_scene(TASK.robot, load_object("cabinet-0003"), TASK.physics)
+    assert other.layout == scene.layout
+    mixed = Simulation(scene, num_envs=2)
+    states = [TASK.sample_initial_state(s.object, np.random.default_rng(3)) for s in (scene, other)]
+    mixed.reset(states, scenes=[scene, other])
+    mixed.step(np.zeros((2, 13)))
+    for row, (single_scene, state) in enumerate(zip((scene, other), states, strict=True)):
+        single = Simulation(single_scene)
+        single.reset([state])
+        single.step(np.zeros((1, 13)))
+        np.testing.assert_array_equal(single.save().rows[0], mixed.save().rows[row])
+    joints = len(other.object.joints)
+    snapshot = mixed.snapshot()
+    assert snapshot.object_joints.tolist() == [len(scene.object.joints), joints]
+    assert (snapshot.object_qpos[1, joints:] == 0).all()
+
+
+def test_only_some_environments_step(scene: Scene) -> None:
+    simulation = Simulation(scene, num_envs=3)
+    simulation.reset([start(scene, k) for k in range(3)])
+    before = simulation.save().rows
+    simulation.step(np.full((3, 13), 0.2), np.array([0, 2]))
+    after = simulation.save().rows
+    assert [np.array_equal(a, b) for a, b in zip(before[:, :5], after[:, :5], strict=True)] == [False, True, False]

@@ -79,20 +79,16 @@ class FlattenDict(gym.ObservationWrapper[Any, Any, Any], gym.utils.RecordConstru
         gym.ObservationWrapper.__init__(self, env)
         if not isinstance(env.observation_space, gym.spaces.Dict):
             raise ConfigError(f"FlattenDict needs observations in a dictionary; {env} has {env.observation_space}")
-        spaces = _leaves(env.observation_space)
-        self._shapes = {key: _flat_shape(space) for key, space in spaces.items()}
-        flat: dict[str, gym.Space[Any]] = {
-            key: gym.spaces.Box(*(b.reshape(self._shapes[key]) for b in (s.low, s.high)), dtype=s.dtype.type)
-            for key, s in spaces.items()
-        }
-        self.observation_space = gym.spaces.Dict(flat)
+        spaces = leaves(env.observation_space)
+        self._shapes = {key: flat_shape(space) for key, space in spaces.items()}
+        self.observation_space = gym.spaces.Dict({key: flat_space(space) for key, space in spaces.items()})
 
     def observation(self, observation: dict[str, Any]) -> dict[str, np.ndarray]:
         """Of one level."""
-        return {key: leaf.reshape(self._shapes[key]) for key, leaf in _leaves(observation).items()}
+        return {key: leaf.reshape(self._shapes[key]) for key, leaf in leaves(observation).items()}
 
 
-def _leaves(tree: Any) -> dict[str, Any]:
+def leaves(tree: Any) -> dict[str, Any]:
     """What hangs below a nested dictionary, or `Dict` space, by its own key.
 
     Raises:
@@ -100,7 +96,7 @@ def _leaves(tree: Any) -> dict[str, Any]:
     """
     found: dict[str, Any] = {}
     for key, value in tree.items():
-        below = _leaves(value) if isinstance(value, dict | gym.spaces.Dict) else {key: value}
+        below = leaves(value) if isinstance(value, dict | gym.spaces.Dict) else {key: value}
         twice = found.keys() & below.keys()
         if twice:
             raise ConfigError(f"the key {min(twice)!r} occurs twice in {list(tree)}")
@@ -108,10 +104,16 @@ def _leaves(tree: Any) -> dict[str, Any]:
     return found
 
 
-def _flat_shape(space: gym.spaces.Box) -> tuple[int, ...]:
+def flat_shape(space: gym.spaces.Box) -> tuple[int, ...]:
     """Its own for an image, else that of a vector."""
     is_image = space.dtype == np.uint8 and len(space.shape) == 3
     return space.shape if is_image else (math.prod(space.shape),)
+
+
+def flat_space(space: gym.spaces.Box) -> gym.spaces.Box:
+    """The space of `flat_shape`."""
+    shape = flat_shape(space)
+    return gym.spaces.Box(space.low.reshape(shape), space.high.reshape(shape), dtype=space.dtype.type)
 
 
 def _manipulation_env(env: gym.Env[Any, Any]) -> ManipulationEnv:

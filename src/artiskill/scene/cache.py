@@ -8,10 +8,10 @@ from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.props import Prop
 from artiskill.scene.scene import Scene, build_scene
 
-_CAPACITY = 128  # a cabinet's scene takes about half a megabyte
+CAPACITY = 256  # scenes; one takes a fifth to half a megabyte
 
 
-@lru_cache(maxsize=_CAPACITY)
+@lru_cache(maxsize=CAPACITY)
 def cached_scene(
     robot: RobotConfig, obj: ArticulatedObject, physics: PhysicsConfig, props: tuple[Prop, ...] = ()
 ) -> Scene:
