@@ -112,6 +112,21 @@ class Simulation:
         is_position = self.scene.model.actuator_gainprm[:, 0] == -self.scene.model.actuator_biasprm[:, 1]
         return np.where(is_position, robot_qpos, 0.0)
 
+    def grow(self, num_envs: int) -> None:
+        """Make room for more environments; each new one starts as the first is."""
+        more = [0] * (num_envs - self.num_envs)
+        rows = np.concatenate((np.arange(self.num_envs), np.array(more, dtype=int)))
+        state = self._batch.state[rows]
+        self.scenes += [self.scenes[i] for i in more]
+        self._models += [copy.copy(self._models[i]) for i in more]
+        self._object_joints, self._own_joints = self._object_joints[rows], self._own_joints[rows]
+        self._previous_position = self._previous_position[rows]
+        self._previous_quaternion = self._previous_quaternion[rows]
+        self.num_envs = num_envs
+        self._start()
+        self._batch.state[:] = state
+        self._batch.forward(stage=_CURRENT)
+
     def step(self, targets: np.ndarray, env_ids: np.ndarray | None = None) -> None:
         """One environment step with constant drive targets.
 
@@ -192,45 +207,47 @@ class Simulation:
             body_quaternion_w=quaternion,
         )
 
-    def save(self) -> SimulationState:
-        """The state of all environments, detached from the simulation."""
-        friction, damping, limits = self._parameters()
+    def save(self, env_ids: Sequence[int] | None = None) -> SimulationState:
+        """The state of all environments, or of some, detached from the simulation."""
+        ids = np.arange(self.num_envs) if env_ids is None else np.asarray(env_ids)
+        models = [self._models[i] for i in ids]
         return SimulationState(
-            rows=self._batch.state.copy(),
-            joint_friction=friction,
-            joint_damping=damping,
-            joint_limits=limits,
-            previous_link_position_w=self._previous_position.copy(),
-            previous_link_quaternion_w=self._previous_quaternion.copy(),
-            object_hash=self._object_hash,
+            rows=self._batch.state[ids],
+            joint_friction=np.stack([m.dof_frictionloss[self._object_dof] for m in models]),
+            joint_damping=np.stack([m.dof_damping[self._object_dof] for m in models]),
+            joint_limits=np.stack([m.jnt_range[self._joints] for m in models]),
+            previous_link_position_w=self._previous_position[ids],
+            previous_link_quaternion_w=self._previous_quaternion[ids],
+            object_hash=self._object_hash(ids),
             physics=self.scene.physics,
         )
 
-    def restore(self, state: SimulationState) -> None:
-        """Take back a saved state: the same actions then give the same bits.
+    def restore(self, state: SimulationState, env_ids: Sequence[int] | None = None) -> None:
+        """Take back a saved state, of all environments or into some: the same actions then give the same bits.
 
         Raises:
             StateError: the state comes from another scene or batch size.
         """
-        self.check_state(state)
-        for i in range(self.num_envs):
+        self.check_state(state, env_ids)
+        ids = np.arange(self.num_envs) if env_ids is None else np.asarray(env_ids)
+        for k, i in enumerate(ids):
             model = self._models[i]
-            model.dof_frictionloss[self._object_dof] = state.joint_friction[i]
-            model.dof_damping[self._object_dof] = state.joint_damping[i]
-            model.jnt_range[self._joints] = state.joint_limits[i]
+            model.dof_frictionloss[self._object_dof] = state.joint_friction[k]
+            model.dof_damping[self._object_dof] = state.joint_damping[k]
+            model.jnt_range[self._joints] = state.joint_limits[k]
         self._batch.set_models(self._models)
-        self._batch.state[:] = state.rows
-        self._batch.forward(stage=_CURRENT)
-        self._previous_position[:] = state.previous_link_position_w
-        self._previous_quaternion[:] = state.previous_link_quaternion_w
+        self._batch.state[ids] = state.rows
+        self._batch.forward(ids, stage=_CURRENT)
+        self._previous_position[ids] = state.previous_link_position_w
+        self._previous_quaternion[ids] = state.previous_link_quaternion_w
 
-    def check_state(self, state: SimulationState) -> None:
+    def check_state(self, state: SimulationState, env_ids: Sequence[int] | None = None) -> None:
         """See whether `restore` would take a state; nothing is changed.
 
         Raises:
             StateError: it comes from another scene, physics configuration or batch size, or is not finite.
         """
-        ours = self.save()
+        ours = self.save(env_ids)
         if (state.object_hash, state.physics) != (ours.object_hash, ours.physics):
             which = "object" if state.object_hash != ours.object_hash else "physics configuration"
             raise StateError(
@@ -246,10 +263,9 @@ class Simulation:
             if not np.isfinite(given).all():
                 raise StateError(f"this state's {f.name} has numbers that are not finite")
 
-    @property
-    def _object_hash(self) -> str:
+    def _object_hash(self, ids: np.ndarray) -> str:
         """Of the object that all have, or of all objects."""
-        hashes = [scene.object.content_hash for scene in self.scenes]
+        hashes = [self.scenes[i].object.content_hash for i in ids]
         return hashes[0] if len(set(hashes)) == 1 else "+".join(hashes)
 
     def _set_parameters(self, env: int, state: InitialState) -> None:
@@ -259,11 +275,6 @@ class Simulation:
         model.dof_damping[dof] = state.joint_damping
         own = scene.model.jnt_range[joints]
         model.jnt_range[joints] = own if state.object_limits is None else state.object_limits
-
-    def _parameters(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        friction = np.stack([m.dof_frictionloss[self._object_dof] for m in self._models])
-        damping = np.stack([m.dof_damping[self._object_dof] for m in self._models])
-        return friction, damping, np.stack([m.jnt_range[self._joints] for m in self._models])
 
     def _root_velocity(self, qvel: np.ndarray, rotation: np.ndarray) -> np.ndarray:
         """(B, 6) world-frame velocity from that of a free joint, whose angular part is in the body's own frame."""

@@ -52,8 +52,8 @@ class _Adapter:
     _get_indices: Any
 
     def __init__(self, env: VectorEnv) -> None:
+        self._env, self._actions = env, np.zeros(0)  # first: the base class asks for attributes
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)  # type: ignore[call-arg]
-        self._env, self._actions = env, np.zeros(0)
 
     def reset(self) -> Any:
         seeds: Any = None if all(seed is None for seed in self._seeds) else self._seeds
