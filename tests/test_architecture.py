@@ -17,7 +17,20 @@ SOURCE = ROOT / "src" / "artiskill"
 
 # Each room may use itself and the rooms before it.
 ROOMS = (
-    *("errors", "config", "geometry", "assets", "robots", "scene", "sim", "sensors", "tasks", "envs"),
+    *(
+        "errors",
+        "config",
+        "versions",
+        "jobs",
+        "geometry",
+        "assets",
+        "robots",
+        "scene",
+        "sim",
+        "sensors",
+        "tasks",
+        "envs",
+    ),
     *("checks", "exports", "experts", "demos", "learning", "evaluation", "gallery", "viewer", "cli"),
 )
 # The doors of the package: they see every room, no room sees them.

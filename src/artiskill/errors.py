@@ -54,6 +54,10 @@ class PolicyError(ArtiSkillError, RuntimeError):
     """A policy or solution file that cannot be loaded, raises, or returns no legal action."""
 
 
+class DemoError(ArtiSkillError, ValueError):
+    """A file or folder of demonstrations that is damaged, foreign, of another version, or does not fit."""
+
+
 class ResetNeededError(ArtiSkillError, RuntimeError):
     """An environment was used before its first `reset`."""
 

@@ -16,7 +16,7 @@ import pytest
 from artiskill import __version__
 from artiskill.cli.main import main
 from artiskill.cli.parser import UsageError, overrides_of
-from artiskill.evaluation.reservation import reserved
+from artiskill.jobs.reservation import reserved
 
 Capture = pytest.CaptureFixture[str]
 SMALL = ["--objects", "cabinet-0005", "--episodes", "1", "--workers", "1"]

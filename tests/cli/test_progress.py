@@ -33,3 +33,26 @@ def test_a_bar_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
         progress.advance(False)
     assert "2/2" in terminal.getvalue()
     assert "50% solved" in terminal.getvalue()
+
+
+def test_attempts_advance_only_if_solved(capsys: pytest.CaptureFixture[str]) -> None:
+    with Progress("title", 4, "trajectories") as progress:
+        progress.skip(2)
+        for success in (False, True, False, True):
+            progress.attempt(success)
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.split(",")[0] for line in lines] == ["title: 3/4 trajectories", "title: 4/4 trajectories"]
+    assert "50% solved" in lines[-1]
+
+
+def test_what_was_there_before_is_shown_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "120")
+    with Progress("title", 9, "trajectories") as progress:
+        progress.skip(7)
+        progress.attempt(False)
+        progress.attempt(True)
+    assert "8/9" in terminal.getvalue()
+    assert "50% solved" in terminal.getvalue()

@@ -9,11 +9,11 @@ import pytest
 import artiskill
 from artiskill.assets.entries import read_catalog
 from artiskill.errors import ArtiSkillError, AssetError, ConfigError, PolicyError, UnknownNameError
-from artiskill.evaluation import workers
 from artiskill.evaluation.episodes import EpisodeResult
 from artiskill.evaluation.evaluate import evaluate
 from artiskill.evaluation.plan import make_plan
 from artiskill.evaluation.report import Report, count
+from artiskill.jobs import workers
 
 OBJECTS = ["cabinet-0005", "cabinet-0010"]
 TASK = "OpenCabinetDrawer"

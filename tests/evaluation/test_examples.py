@@ -10,13 +10,26 @@ import pytest
 SMALL = {
     "03_evaluate_your_policy.py": ("--objects", "cabinet-0005", "--episodes", "1"),
     "04_train_ppo.py": ("--envs", "2", "--steps", "500", "--rollout", "100"),
+    "05_train_ppo_many.py": (
+        "--num-envs",
+        "4",
+        "--objects",
+        "test",
+        "--steps",
+        "64",
+        "--rollout",
+        "8",
+        "--out",
+        "a.zip",
+    ),
 }
-NEEDS = {"04_train_ppo.py": "stable_baselines3"}
+NEEDS = {"04_train_ppo.py": "stable_baselines3", "05_train_ppo_many.py": "stable_baselines3"}
 SAYS = {
     "01_first_steps.py": ("open link_", "reward "),
     "02_expert.py": ("reach", "pull", ": solved after"),
     "03_evaluate_your_policy.py": ("expert: 100% solved", "solution_example.py: 0% solved", "Sway: 0% solved"),
     "04_train_ppo.py": ("0% solved", "wrote episodes.csv, curve.png"),
+    "05_train_ppo_many.py": ("4 environments, 10 objects", "saved a.zip"),
     "solution_example.py": (),
 }
 

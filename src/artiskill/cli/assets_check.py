@@ -39,8 +39,8 @@ def run(arguments: argparse.Namespace) -> int:
     from artiskill.cli.check_table import print_checks
     from artiskill.cli.parser import overrides_of
     from artiskill.cli.progress import Progress
-    from artiskill.evaluation.parallel import available_cores
     from artiskill.evaluation.report_files import check_folder
+    from artiskill.jobs.parallel import available_cores
 
     if arguments.json is not None:
         check_folder(arguments.json.absolute().parent)

@@ -37,8 +37,8 @@ def run(arguments: argparse.Namespace) -> None:
     """Draw what is not drawn yet, and write the page."""
     from artiskill.assets.catalog import resolve_objects
     from artiskill.cli.progress import Progress
-    from artiskill.evaluation.parallel import available_cores
     from artiskill.gallery.gallery import make_gallery
+    from artiskill.jobs.parallel import available_cores
 
     objects = resolve_objects(arguments.objects)
     workers = available_cores() if arguments.workers is None else arguments.workers

@@ -54,11 +54,11 @@ def run(arguments: argparse.Namespace) -> None:
     """Check everything, evaluate, write, film, and show the table."""
     from artiskill.cli.parser import overrides_of
     from artiskill.evaluation.evaluate import check_workers
-    from artiskill.evaluation.parallel import available_cores
     from artiskill.evaluation.plan import make_plan
     from artiskill.evaluation.recording import check_video
     from artiskill.evaluation.report_files import check_report_folder
-    from artiskill.evaluation.reservation import reserved
+    from artiskill.jobs.parallel import available_cores
+    from artiskill.jobs.reservation import reserved
 
     if arguments.video is not None:
         check_video(arguments.video, arguments.video_episodes)

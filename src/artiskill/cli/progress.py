@@ -22,7 +22,7 @@ class Progress:
         from rich.console import Console
 
         self._title, self._total, self._unit = title, total, unit
-        self._done = self._successes = self._counted = 0
+        self._done = self._skipped = self._successes = self._counted = 0
         self._start = time.perf_counter()
         self._bar: rich_progress.Progress | None = None
         if sys.stderr.isatty():
@@ -52,20 +52,41 @@ class Progress:
 
     def advance(self, success: bool | None = None) -> None:
         """One more unit; it may count as solved or not."""
-        self._done += 1
         if success is not None:
             self._counted += 1
             self._successes += success
+        self._show_done(self._done + 1)
+
+    def attempt(self, success: bool) -> None:
+        """One more attempt at a unit, which is one more unit only if it is solved."""
+        if success:
+            self.advance(success)
+        else:
+            self._counted += 1
+            self._update()
+
+    def skip(self, count: int) -> None:
+        """So many units were there before; they say nothing about the rate."""
+        self._skipped += count
+        self._done += count
         if self._bar is not None:
-            self._bar.update(self._task, advance=1, note=self._note())
-        elif self._done * _LINES // self._total > (self._done - 1) * _LINES // self._total:
-            left_s = (self._total - self._done) / self._rate()
-            line = f"{self._title}: {self._done}/{self._total} {self._unit}, {self._note()}, {left_s:.0f} s left"
+            self._bar.reset(self._task, completed=self._done)
+
+    def _show_done(self, done: int) -> None:
+        before, self._done = self._done, done
+        self._update()
+        if self._bar is None and done * _LINES // self._total > before * _LINES // self._total:
+            left_s = (self._total - done) / self._rate()
+            line = f"{self._title}: {done}/{self._total} {self._unit}, {self._note()}, {left_s:.0f} s left"
             print(line, file=sys.stderr, flush=True)
+
+    def _update(self) -> None:
+        if self._bar is not None:
+            self._bar.update(self._task, completed=self._done, note=self._note())
 
     def _note(self) -> str:
         solved = f"{self._successes / self._counted:.0%} solved, " if self._counted else ""
         return f"{solved}{self._rate():.1f}/s"
 
     def _rate(self) -> float:
-        return self._done / max(time.perf_counter() - self._start, 1e-9)
+        return (self._done - self._skipped) / max(time.perf_counter() - self._start, 1e-9)

@@ -8,11 +8,11 @@ from typing import Any
 from artiskill.envs.manipulation import ObjectChoice
 from artiskill.errors import ConfigError
 from artiskill.evaluation.episodes import EpisodeResult, run_episode
-from artiskill.evaluation.parallel import run_jobs
 from artiskill.evaluation.plan import EpisodeBatch, Plan, make_plan
 from artiskill.evaluation.policies import load_policy
 from artiskill.evaluation.report import Report, make_report
 from artiskill.evaluation.time_limit import TimedActor, check_limit
+from artiskill.jobs.parallel import run_jobs
 
 
 def evaluate(

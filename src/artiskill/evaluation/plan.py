@@ -8,9 +8,9 @@ from typing import Any
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object, object_id_of, resolve_objects
-from artiskill.assets.entries import read_catalog
+from artiskill.assets.identity import checked_hash
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
-from artiskill.errors import AssetError, ConfigError, PolicyError
+from artiskill.errors import ConfigError, PolicyError
 from artiskill.evaluation.policies import POLICY_NAMES, load_policy
 from artiskill.tasks.levels import check_level
 from artiskill.tasks.registry import make_task
@@ -126,7 +126,7 @@ def make_plan(
     policy = policy if callable(policy) or hasattr(policy, "act") else str(policy)
     batches = tuple(
         EpisodeBatch(task, dict(config or {}), item, link, levels, policy, obs_mode, content_hash)
-        for item, content_hash in [(o, _checked_hash(o)) for o in resolve_objects(objects, task=task)]
+        for item, content_hash in [(o, checked_hash(o)) for o in resolve_objects(objects, task=task)]
         for link in _targets(resolved, item, target)
     )
     for batch in batches[: len(batches) if target else 1]:  # a given target must exist on every object
@@ -146,18 +146,6 @@ def _targets(task: Task, item: str | ArticulatedObject, target: str | None) -> t
     if target != ALL_TARGETS:
         return (target,)
     return task.targets(load_object(item) if isinstance(item, str) else item)
-
-
-def _checked_hash(item: str | ArticulatedObject) -> str:
-    """The hash of an object's content; under an id of the catalogue it must be the catalogue's."""
-    found = load_object(item) if isinstance(item, str) else item
-    given, listed = found.content_hash, read_catalog().get(found.id)
-    if listed is not None and listed[1].content_hash != given:
-        raise AssetError(
-            f"object {found.id!r} has the content hash {given}, but the catalogue's has {listed[1].content_hash}: "
-            "its numbers could not be compared with those of others; an object of one's own needs another id"
-        )
-    return given
 
 
 def _digest(policy: Any) -> str | None:

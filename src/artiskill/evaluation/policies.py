@@ -1,42 +1,19 @@
 """Policies as evaluation sees them, and those that come with the package: `expert`, `random` and `still`."""
 
 import zlib
-from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.errors import PolicyError, UnknownNameError
+from artiskill.errors import UnknownNameError
 from artiskill.evaluation.solution import Solution, read_solution
-from artiskill.experts.move_bucket import MoveBucketExpert
-from artiskill.experts.open_cabinet import OpenCabinetExpert
-from artiskill.experts.push_chair import PushChairExpert
-from artiskill.robots.config import RobotConfig
-from artiskill.sim.snapshot import Snapshot
+from artiskill.experts.registry import Expert, make_expert
 
 POLICY_NAMES = ("expert", "random", "still")
 # Levels use small numbers as spawn keys (`tasks.levels.Stream`); random actions must not follow any of them.
 _RANDOM_STREAM = 1000
-
-
-class Expert(Protocol):
-    """A privileged controller of one task."""
-
-    def reset(self, snapshot: Snapshot, goal: Any) -> None:
-        """Begin an episode at its first state (B = 1)."""
-
-    def act(self, snapshot: Snapshot, goal: Any) -> np.ndarray:
-        """The next action, (R,) in [-1, 1]."""
-
-
-_EXPERTS: Mapping[str, Callable[[RobotConfig], Expert]] = {
-    "OpenCabinetDrawer": OpenCabinetExpert,
-    "OpenCabinetDoor": OpenCabinetExpert,
-    "MoveBucket": MoveBucketExpert,
-    "PushChair": PushChairExpert,
-}
 
 
 class Actor(Protocol):
@@ -74,9 +51,7 @@ class ExpertActor:
         Raises:
             PolicyError: the task has no expert.
         """
-        if env.task.name not in _EXPERTS:
-            raise PolicyError(f"there is no expert for {env.task.name}; tasks with one: {', '.join(_EXPERTS)}")
-        self._expert = _EXPERTS[env.task.name](env.task.robot)
+        self._expert = make_expert(env.task.name, env.task.robot)
         self._expert.reset(env.snapshot, env.goal)
 
     def act(self, env: ManipulationEnv, observation: Any) -> np.ndarray:

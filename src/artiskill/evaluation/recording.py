@@ -13,12 +13,12 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError
 from artiskill.evaluation.episodes import run_episode
 from artiskill.evaluation.evaluate import check_workers
-from artiskill.evaluation.parallel import run_jobs
 from artiskill.evaluation.plan import EpisodeBatch, Plan
 from artiskill.evaluation.policies import load_policy
 from artiskill.evaluation.report_files import check_folder
 from artiskill.evaluation.time_limit import TimedActor
 from artiskill.evaluation.video import caption, write_video
+from artiskill.jobs.parallel import run_jobs
 from artiskill.tasks.open_cabinet.goal import OpenGoal
 
 STEPS_PER_FRAME = 2

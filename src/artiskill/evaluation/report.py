@@ -1,27 +1,14 @@
 """Reports: what the episodes add up to."""
 
-import platform
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from artiskill.config import to_mapping
 from artiskill.evaluation.episodes import EpisodeResult
 from artiskill.evaluation.intervals import wilson_interval
 from artiskill.evaluation.plan import Plan
-
-# Distributions on which the numbers depend.
-_DISTRIBUTIONS = (
-    "artiskill",
-    "mujoco-core",
-    "numpy",
-    "scipy",
-    "numba",
-    "llvmlite",
-    "array-api-compat",
-    "gymnasium",
-)
+from artiskill.versions import versions
 
 
 @dataclass(frozen=True)
@@ -159,14 +146,3 @@ def count(episodes: Sequence[EpisodeResult]) -> Tally:
         flags={name: sum(result.flags[name] for result in episodes) / n for name in names},
         mean_length=sum(result.length for result in episodes) / n,
     )
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python and of the distributions that the numbers depend on."""
-    found = {"python": platform.python_version()}
-    for name in _DISTRIBUTIONS:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:  # run from a source tree that is not installed
-            found[name] = "unknown"
-    return found

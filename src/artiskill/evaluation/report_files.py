@@ -12,7 +12,7 @@ from pathlib import Path
 from artiskill.config import dump_yaml
 from artiskill.errors import ConfigError
 from artiskill.evaluation.report import Report, Tally
-from artiskill.evaluation.reservation import reserved
+from artiskill.jobs.reservation import reserved
 
 REPORT_FILES = ("config.yaml", "episodes.csv", "report.csv", "report.md", "report.json")
 

@@ -7,7 +7,7 @@ from typing import Any
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError
 from artiskill.evaluation.policies import Actor
-from artiskill.evaluation.workers import IDLE, Busy
+from artiskill.jobs.workers import IDLE, Busy
 
 
 class TimedActor:

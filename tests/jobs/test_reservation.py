@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from artiskill.errors import ConfigError
-from artiskill.evaluation.reservation import LOCK_FILE, reserved
+from artiskill.jobs.reservation import LOCK_FILE, reserved
 
 HOLD = """
 import sys, time
 from pathlib import Path
-from artiskill.evaluation.reservation import reserved
+from artiskill.jobs.reservation import reserved
 with reserved(Path(sys.argv[1])):
     print("holds", flush=True)
     time.sleep(60)
@@ -57,3 +57,12 @@ def test_the_lock_of_a_killed_process_is_none(tmp_path: Path) -> None:
     with reserved(tmp_path):
         assert (tmp_path / LOCK_FILE).read_text() == str(os.getpid())
     assert not list(tmp_path.iterdir())
+
+
+def test_the_error_says_what_is_kept_out(tmp_path: Path) -> None:
+    with (
+        reserved(tmp_path),
+        pytest.raises(ConfigError, match=r"another collector \(process"),
+        reserved(tmp_path, "collector"),
+    ):
+        pass

@@ -6,9 +6,9 @@ from collections.abc import Callable
 import pytest
 
 from artiskill.errors import PolicyError, UnknownNameError
-from artiskill.evaluation import workers as workers_module
-from artiskill.evaluation.parallel import available_cores, run_jobs
-from artiskill.evaluation.workers import IDLE, Busy
+from artiskill.jobs import workers as workers_module
+from artiskill.jobs.parallel import available_cores, run_jobs, run_source
+from artiskill.jobs.workers import IDLE, Busy
 
 Tell = Callable[[object], None]
 
@@ -74,6 +74,41 @@ def test_results_keep_their_order_and_all_news_arrives(workers: int) -> None:
     news: list[object] = []
     assert run_jobs(square, [3, 1, 2], workers, news.append) == [9, 1, 4]
     assert sorted(news, key=str) == [1, 2, 3]
+
+
+class Doubling:
+    """Names 1, then, when it has finished, the two numbers below twice that, and so on, up to a most one."""
+
+    def __init__(self, most: int) -> None:
+        self.most, self.waiting, self.given, self.results = most, [1], list[int](), dict[int, int]()
+
+    def next(self) -> int | None:
+        if not self.waiting:
+            return None
+        self.given.append(self.waiting.pop(0))
+        return self.given[-1]
+
+    def finished(self, number: int, result: int) -> None:
+        job = self.given[number]
+        self.results[job] = result
+        self.waiting += [new for new in (2 * job, 2 * job + 1) if new <= self.most]
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_jobs_that_are_not_known_beforehand(workers: int) -> None:
+    source, news = Doubling(10), list[object]()
+    run_source(square, source, workers, news.append)
+    assert source.results == {job: job * job for job in range(1, 11)}
+    assert sorted(news, key=str) == sorted(range(1, 11), key=str)
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_no_jobs(workers: int) -> None:
+    source = Doubling(0)
+    source.waiting = []
+    run_source(square, source, workers)
+    assert source.results == {}
+    assert run_jobs(square, [], workers) == []
 
 
 def test_an_error_ends_the_other_jobs() -> None:

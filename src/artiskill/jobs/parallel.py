@@ -5,16 +5,26 @@ import os
 from collections import deque
 from collections.abc import Callable, Sequence
 from multiprocessing.connection import wait as wait_for_any
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from artiskill.errors import PolicyError
-from artiskill.evaluation.workers import Worker, start_workers, stop_workers
+from artiskill.jobs.workers import Worker, start_workers, stop_workers
 
 _POLL_S = 0.05
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 Tell = Callable[[Any], None]
+
+
+class JobSource(Protocol):
+    """Jobs that are not all known beforehand; called in the parent process only."""
+
+    def next(self) -> Any | None:
+        """The next job; None if there is none at present: it is asked again whenever a job has finished."""
+
+    def finished(self, number: int, result: Any) -> None:
+        """The result of the job that was named as the `number`-th, counted from 0."""
 
 
 def available_cores() -> int:
@@ -52,13 +62,35 @@ def run_jobs(
         PolicyError: a worker ended by itself, or was `Busy` for too long.
         KeyboardInterrupt: Ctrl-C; its text names the jobs that had to be ended, if there were any.
     """
+    listed = _ListedJobs(jobs)
+    run_source(function, listed, min(workers, len(jobs)), on_news, describe, own_process and bool(jobs))
+    return [listed.results[k] for k in range(len(jobs))]
+
+
+def run_source(
+    function: Callable[[Any, Tell], Any],
+    source: JobSource,
+    workers: int,
+    on_news: Tell | None = None,
+    describe: Callable[[Any], str] = str,
+    own_process: bool = False,
+) -> None:
+    """`run_jobs` of jobs that a source names one by one, until it names none and all have finished.
+
+    Raises:
+        ArtiSkillError: as `run_jobs`.
+        KeyboardInterrupt: likewise.
+    """
     on_news = on_news or _ignore
-    count = min(workers, len(jobs))
-    if count <= 1 and not own_process:
-        return [function(job, on_news) for job in jobs]
-    crew = _Crew(jobs, on_news, describe)
+    if workers <= 1 and not own_process:
+        number = 0
+        while (job := source.next()) is not None:
+            source.finished(number, function(job, on_news))
+            number += 1
+        return
+    crew = _Crew(source, on_news, describe)
     try:
-        return crew.run(function, count)
+        crew.run(function, max(1, workers))
     except KeyboardInterrupt as interrupt:
         ended = stop_workers(crew.workers)
         if not ended:
@@ -71,28 +103,42 @@ def run_jobs(
         stop_workers(crew.workers)
 
 
+class _ListedJobs:
+    """A fixed list of jobs, and their results by number."""
+
+    def __init__(self, jobs: Sequence[Any]) -> None:
+        self.results: dict[int, Any] = {}
+        self._waiting = deque(jobs)
+
+    def next(self) -> Any | None:
+        return self._waiting.popleft() if self._waiting else None
+
+    def finished(self, number: int, result: Any) -> None:
+        self.results[number] = result
+
+
 class _Crew:
-    """Workers, and what they have done so far."""
+    """Workers, and the jobs that they were given so far."""
 
-    def __init__(self, jobs: Sequence[Any], on_news: Tell, describe: Callable[[Any], str]) -> None:
+    def __init__(self, source: JobSource, on_news: Tell, describe: Callable[[Any], str]) -> None:
         self.workers: list[Worker] = []
-        self._jobs, self._on_news, self._describe = jobs, on_news, describe
-        self._waiting = deque(range(len(jobs)))
-        self._results: dict[int, Any] = {}
+        self._source, self._on_news, self._describe = source, on_news, describe
+        self._given: list[Any] = []
+        self._has_next = True
 
-    def run(self, function: Callable[[Any, Any], Any], count: int) -> list[Any]:
-        """The results of all jobs."""
+    def run(self, function: Callable[[Any, Any], Any], count: int) -> None:
+        """Have all jobs done."""
         start_workers(self.workers, count, multiprocessing.get_context("spawn"), function)
-        while len(self._results) < len(self._jobs):
+        while self._has_next or any(worker.job is not None for worker in self.workers):
             wanted = [worker for worker in self.workers if worker.is_wanted]
             wait_for_any([sign for worker in wanted for sign in worker.signs], timeout=_POLL_S)
             for worker in wanted:
                 self._attend(worker)
-        return [self._results[k] for k in range(len(self._jobs))]
+            self._give_next()
 
     def name_of(self, worker: Worker) -> str:
         """What it is working on."""
-        return "none" if worker.job is None else self._describe(self._jobs[worker.job])
+        return "none" if worker.job is None else self._describe(self._given[worker.job])
 
     def _attend(self, worker: Worker) -> None:
         for kind, value in worker.messages():
@@ -103,22 +149,31 @@ class _Crew:
                 error.add_note(text)
                 raise error
             else:
-                self._give_next(worker, kind, value)
+                self._take_result(worker, kind, value)
         if worker.is_gone and worker.is_wanted:
             raise self._vanished(worker)
         complaint = worker.complaint
         if complaint is not None:
             raise PolicyError(complaint)
 
-    def _give_next(self, worker: Worker, kind: str, value: Any) -> None:
+    def _take_result(self, worker: Worker, kind: str, value: Any) -> None:
         """It is ready, or done with a job."""
         if kind == "done":
             assert worker.job is not None
-            self._results[worker.job] = value
+            self._source.finished(worker.job, value)
         worker.job, worker.is_ready = None, True
-        if self._waiting:
-            number = self._waiting.popleft()
-            worker.give(number, self._jobs[number])
+
+    def _give_next(self) -> None:
+        """Jobs for those that have none."""
+        for worker in self.workers:
+            if not worker.is_ready or worker.job is not None:
+                continue
+            job = self._source.next()
+            self._has_next = job is not None
+            if job is None:
+                return
+            self._given.append(job)
+            worker.give(len(self._given) - 1, job)
 
     def _vanished(self, worker: Worker) -> PolicyError:
         how = worker.how_it_ended()

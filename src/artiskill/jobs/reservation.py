@@ -1,4 +1,4 @@
-"""A folder that one evaluation at a time writes to."""
+"""A folder that one process at a time writes to."""
 
 import errno
 import fcntl
@@ -9,24 +9,28 @@ from pathlib import Path
 
 from artiskill.errors import ConfigError
 
-LOCK_FILE = ".report.lock"
+LOCK_FILE = ".artiskill.lock"
 _TRIES = 100
 _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
 
 
 @contextmanager
-def reserved(folder: Path) -> Iterator[None]:
-    """Make the folder and keep other evaluations out; leaves neither the lock nor a folder made in vain.
+def reserved(folder: Path, what: str = "evaluation") -> Iterator[None]:
+    """Make the folder and keep others out; leaves neither the lock nor a folder made in vain.
 
     The lock is the kernel's (`flock`) on a file in the folder: it ends with its process, however that ends. Where
     a file system has no such locks, nothing is kept out.
 
+    Args:
+        folder: that is written to.
+        what: another one of which is kept out, for the error.
+
     Raises:
-        ConfigError: another evaluation is at it, or the folder cannot be made.
+        ConfigError: another process is at it, or the folder cannot be made.
     """
     made = [path for path in (folder, *folder.parents) if not path.exists()]  # deepest first
     try:
-        handle = _lock(folder)
+        handle = _lock(folder, what)
         try:
             yield
         finally:
@@ -38,12 +42,12 @@ def reserved(folder: Path) -> Iterator[None]:
                 path.rmdir()
 
 
-def _lock(folder: Path) -> int:
+def _lock(folder: Path, what: str) -> int:
     """The handle of the lock file that others find there, too."""
     try:
         for _ in range(_TRIES):  # its last owner may remove the file, or the folder, while we take it
             with suppress(FileNotFoundError):
-                handle = _try_lock(folder)
+                handle = _try_lock(folder, what)
                 if handle is not None:
                     return handle
     except OSError as error:
@@ -51,7 +55,7 @@ def _lock(folder: Path) -> int:
     raise ConfigError(f"cannot write to {str(folder)!r}: it disappears again and again")
 
 
-def _try_lock(folder: Path) -> int | None:
+def _try_lock(folder: Path, what: str) -> int | None:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / LOCK_FILE
     handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
@@ -65,7 +69,7 @@ def _try_lock(folder: Path) -> int | None:
     except BlockingIOError as error:
         owner = os.pread(handle, 20, 0).decode(errors="replace")
         by = f" (process {owner})" if owner else ""
-        raise ConfigError(f"another evaluation{by} writes to {str(folder)!r}; choose another folder") from error
+        raise ConfigError(f"another {what}{by} writes to {str(folder)!r}; choose another folder") from error
     finally:
         if not is_ours:
             os.close(handle)

@@ -1,0 +1,88 @@
+"""`artiskill demos collect`: the experts' successful trajectories, one file per object."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from artiskill.demos.manifest import Manifest
+    from artiskill.demos.plan import Plan
+
+EXIT_SHORT = 1
+
+_EPILOG = """examples:
+  artiskill demos collect --task PushChair --out demos/chairs
+  artiskill demos collect --task OpenCabinetDoor --objects cabinet-0006 --targets link_1 --out demos/doors
+  artiskill demos collect --task MoveBucket --control-mode operational_space --out demos/buckets-os
+
+Stopped at any moment, the same command goes on from there. The exit status is 1 if an expert could not solve an
+object often enough. docs/demonstrations.md describes the files."""
+
+
+def add_command(commands: Any) -> None:
+    """Describe the sub-command."""
+    parser = commands.add_parser(
+        "collect",
+        help="have experts demonstrate a task",
+        description="Have experts demonstrate a task, and store what they do.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--task", required=True, help="name of the task")
+    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="of this task's demonstrations")
+    parser.add_argument(
+        "--objects", nargs="+", default=["train"], help="splits, ids, PartNet folders (default: train)"
+    )
+    parser.add_argument(
+        "--per-object", type=int, default=300, help="successful trajectories (default: %(default)s)"
+    )
+    parser.add_argument("--targets", nargs="+", metavar="LINK", help="only these links (default: all)")
+    parser.add_argument(
+        "--control-mode", default="joint", help="joint or operational_space (default: %(default)s)"
+    )
+    parser.add_argument("--first-level", "--seed", type=int, default=0, help="of each object (default: 0)")
+    parser.add_argument("--keep-failures", action="store_true", help="store failed attempts, too")
+    parser.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="task settings")
+    parser.add_argument("--workers", type=int, help="processes (default: one per core)")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Check everything, collect, show what came of it; the exit status."""
+    from artiskill.cli.demos_table import print_collection
+    from artiskill.cli.parser import overrides_of
+    from artiskill.demos.hdf5 import load_h5py
+    from artiskill.demos.plan import make_plan
+    from artiskill.jobs.parallel import available_cores
+
+    load_h5py()  # it is needed in the end: better said now
+    plan = make_plan(
+        task=arguments.task,
+        objects=arguments.objects,
+        per_object=arguments.per_object,
+        targets=arguments.targets,
+        control_mode=arguments.control_mode,
+        first_level=arguments.first_level,
+        keep_failures=arguments.keep_failures,
+        config=overrides_of(arguments.set),
+    )
+    workers = available_cores() if arguments.workers is None else arguments.workers
+    manifest = _collect(plan, arguments.out, workers)
+    return EXIT_SHORT if print_collection(plan, manifest, arguments.out) else 0
+
+
+def _collect(plan: "Plan", folder: Path, workers: int) -> "Manifest":
+    from artiskill.cli.progress import Progress
+    from artiskill.demos.attempts import Attempt
+    from artiskill.demos.collect import Collection, collect
+
+    total = plan.settings.per_object * len(plan.objects)
+    with Progress(f"{plan.settings.task}, {plan.settings.control_mode}", total, "trajectories") as progress:
+
+        def on_start(collection: Collection) -> None:
+            progress.skip(total - collection.missing)
+
+        def on_attempt(attempt: Attempt) -> None:
+            progress.attempt(attempt.success)
+
+        return collect(plan, folder, workers, on_attempt, on_start)

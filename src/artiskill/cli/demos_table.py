@@ -1,0 +1,126 @@
+"""What came of collecting, verifying and counting demonstrations, as tables for a terminal."""
+
+import shutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from artiskill.demos.manifest import FileEntry, Manifest
+    from artiskill.demos.plan import Plan
+    from artiskill.demos.stats import ObjectStats, Stats
+    from artiskill.demos.verify import Verdict
+
+_PIPED_WIDTH = 120  # a file or pipe has no width of its own
+_MOST_FAULTS = 5  # of a file
+
+
+def print_collection(plan: "Plan", manifest: "Manifest", folder: Path) -> bool:
+    """Print a row per object of a plan, and a line about each target that was given up; whether there is any."""
+    from artiskill.demos.collect import file_name
+
+    console, table = _console(), _table("object", "targets", "solved", "attempts", "rate", "kB each")
+    entries = [manifest.files[file_name(one.id)] for one in plan.objects]
+    for entry in entries:
+        table.add_row(entry.object, str(len(entry.targets)), *_counts([entry]))
+    table.add_section()
+    table.add_row("all", "", *_counts(entries), style="bold")
+    console.print(table)
+    short = False
+    for entry in entries:
+        for count in entry.targets:
+            if count.gave_up:
+                short = True
+                console.print(
+                    f"[bold red]{entry.object}, {count.target}[/]: given up after {count.attempts} attempts, "
+                    f"{count.successes} of {count.wanted} trajectories",
+                    soft_wrap=True,
+                )
+    console.print(f"demonstrations: {folder}", soft_wrap=True)
+    return short
+
+
+def print_verdicts(verdicts: Sequence["Verdict"]) -> None:
+    """Print a row per file, and what is wrong."""
+    from rich.markup import escape
+
+    console, table = _console(), _table("file", "trajectories", "steps", "bit-exact", "faults")
+    for verdict in verdicts:
+        path = Path(verdict.path)
+        share = f"{verdict.exact}/{verdict.trajectories}"
+        style = "bold red" if verdict.faults else ""
+        cells = (str(verdict.trajectories), str(verdict.steps), share, str(len(verdict.faults)))
+        table.add_row(f"{path.parent.name}/{path.name}", *cells, style=style)
+    console.print(table)
+    for verdict in verdicts:
+        for fault in verdict.faults[:_MOST_FAULTS]:
+            console.print(f"[bold red]{escape(Path(verdict.path).name)}[/]: {escape(fault)}", soft_wrap=True)
+        if len(verdict.faults) > _MOST_FAULTS:
+            console.print(f"... and {len(verdict.faults) - _MOST_FAULTS} more faults of this file")
+    trajectories, exact = sum(v.trajectories for v in verdicts), sum(v.exact for v in verdicts)
+    faulty = sum(bool(v.faults) for v in verdicts)
+    verdict_text = (
+        f"[bold red]{faulty} of {len(verdicts)} files fail[/]" if faulty else "[bold]all is as recorded[/]"
+    )
+    console.print(f"{exact} of {trajectories} trajectories bit-exact: {verdict_text}", soft_wrap=True)
+
+
+def print_stats(stats: "Stats") -> None:
+    """Print a row per object."""
+    settings = stats.settings
+    table = _table("object", "stored", "attempts", "solved", "steps", "from .. to", "kB each", "base", "object")
+    for one in stats.objects:
+        table.add_row(one.object, *_stats_cells(one))
+    console = _console()
+    console.print(table)
+    objects = "1 object" if len(stats.objects) == 1 else f"{len(stats.objects)} objects"
+    console.print(
+        f"[bold]{settings.task}[/bold], {settings.control_mode}: {stats.trajectories} trajectories of "
+        f"{objects}, {stats.success_rate:.1%} of the attempts solved, "
+        f"{stats.mean_length:.1f} steps and {stats.bytes_per_trajectory / 1000:.1f} kB each",
+        soft_wrap=True,
+    )
+
+
+def _stats_cells(one: "ObjectStats") -> list[str]:
+    return [
+        str(one.trajectories),
+        str(one.attempts),
+        f"{one.success_rate:.0%}",
+        f"{one.mean_length:.1f}",
+        f"{one.shortest} .. {one.longest}",
+        f"{one.bytes_per_trajectory / 1000:.1f}",
+        f"{one.base_coverage:.0%}",
+        f"{one.object_coverage:.0%}",
+    ]
+
+
+def _counts(entries: Sequence["FileEntry"]) -> list[str]:
+    counts = [count for entry in entries for count in entry.targets]
+    wanted, successes = sum(c.wanted for c in counts), sum(c.successes for c in counts)
+    attempts, stored = sum(c.attempts for c in counts), sum(entry.trajectories for entry in entries)
+    size = sum(entry.bytes for entry in entries) / stored / 1000 if stored else 0.0
+    rate = f"{successes / attempts:.0%}" if attempts else "-"
+    return [f"{successes}/{wanted}", str(attempts), rate, f"{size:.1f}" if stored else "-"]
+
+
+def _table(first: str, *others: str) -> "Table":
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column(first, no_wrap=True)
+    for name in others:
+        table.add_column(name, justify="right")
+    return table
+
+
+def _console() -> "Console":
+    from rich.console import Console
+
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else _PIPED_WIDTH
+    return Console(width=width, highlight=False)

@@ -1,0 +1,1 @@
+"""Demonstrations: collected from experts, stored, verified, counted."""

@@ -1,0 +1,189 @@
+"""Collecting demonstrations into a folder: whatever ends it, the same command goes on from where it was."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from artiskill.assets.catalog import load_object
+from artiskill.demos.attempts import Attempt, Block, run_block
+from artiskill.demos.header import TargetCount
+from artiskill.demos.manifest import (
+    MANIFEST,
+    FileEntry,
+    Manifest,
+    check_file,
+    read_manifest,
+    sha256_of,
+    write_manifest,
+)
+from artiskill.demos.plan import ObjectPlan, Plan
+from artiskill.demos.staging import Staging
+from artiskill.demos.streams import Stream
+from artiskill.demos.writing import make_header, write_object_file
+from artiskill.errors import ConfigError, DemoError
+from artiskill.jobs.parallel import run_source
+from artiskill.jobs.reservation import reserved
+from artiskill.jobs.whole_files import remove_leftovers
+
+OnAttempt = Callable[[Attempt], None]
+
+
+def collect(
+    plan: Plan,
+    folder: Path | str,
+    workers: int = 1,
+    on_attempt: OnAttempt | None = None,
+    on_start: Callable[["Collection"], None] | None = None,
+) -> Manifest:
+    """Collect what a plan asks for.
+
+    The files are a function of the plan only, bit for bit: neither the number of workers, nor the order in which
+    they come to their ends, nor how often the collection is killed and goes on, changes them.
+
+    Args:
+        plan: see `make_plan`.
+        folder: for one task and one plan's settings; more objects may follow later.
+        workers: processes.
+        on_attempt: called after every attempt.
+        on_start: called once, when it is known what an earlier collector has left.
+
+    Raises:
+        ConfigError: an illegal number of workers, or another collector is at the folder.
+        DemoError: the folder holds a collection of other settings, or is damaged, or cannot be written to.
+        PolicyError: a worker ended by itself.
+    """
+    folder = Path(folder)
+    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
+        raise ConfigError(f"workers must be a whole number of at least 1, not {workers!r}")
+    with reserved(folder, "collector"):
+        collection = Collection(plan, folder, on_attempt or (lambda attempt: None))
+        if on_start is not None:
+            on_start(collection)
+        collection.finish_ready()
+        run_source(run_block, collection, workers, collection.take_in, describe=lambda block: block.label)
+        return collection.manifest
+
+
+class Collection:
+    """A collection on its way; the jobs of `run_source` are its blocks of levels.
+
+    Args:
+        plan: what is collected.
+        folder: `reserved` for it.
+        on_attempt: called after every attempt.
+
+    Attributes:
+        manifest: of what is finished.
+        restored: successful trajectories that an earlier collector has left, of objects that are not finished.
+
+    Raises:
+        DemoError: the folder holds a collection of other settings, or is damaged.
+    """
+
+    def __init__(self, plan: Plan, folder: Path, on_attempt: OnAttempt) -> None:
+        self.manifest = _open_manifest(plan, folder)
+        self.restored = 0
+        self._plan, self._folder, self._on_attempt = plan, folder, on_attempt
+        self._staging = Staging(folder)
+        self._open: dict[str, tuple[ObjectPlan, list[Stream]]] = {}
+        for one in plan.objects:
+            if self._is_finished(one):
+                self._staging.remove(one.id)
+                continue
+            self._open[one.id] = one, plan.streams(one)
+            for attempt in self._staging.load(one.id):
+                self._stream(attempt).tell(attempt.level, attempt.success)
+                self.restored += attempt.success
+
+    @property
+    def missing(self) -> int:
+        """Successful trajectories that are still to be made, if no target is given up."""
+        streams = [stream for _, streams in self._open.values() for stream in streams if stream.end is None]
+        return sum(stream.wanted - stream.successes for stream in streams)
+
+    def next(self) -> Block | None:
+        """The next block of levels."""
+        for one, streams in self._open.values():
+            for stream in streams:
+                levels = stream.take(self._plan.block_levels)
+                if levels:
+                    return Block(self._plan.settings, one.item, stream.target, levels)
+        return None
+
+    def take_in(self, attempt: Attempt) -> None:
+        """Keep an attempt."""
+        self._staging.save(attempt)
+        self._stream(attempt).tell(attempt.level, attempt.success)
+        self._on_attempt(attempt)
+
+    def finished(self, number: int, result: None) -> None:
+        """A block has been worked through."""
+        self.finish_ready()
+
+    def finish_ready(self) -> None:
+        """Write the files of objects with nothing left to try."""
+        for one, streams in list(self._open.values()):
+            is_at_work = any(stream.handed_out for stream in streams)
+            if not is_at_work and all(stream.end is not None for stream in streams):
+                self._finish(one, streams)
+                del self._open[one.id]
+
+    def _stream(self, attempt: Attempt) -> Stream:
+        return next(s for s in self._open[attempt.object][1] if s.target == attempt.target)
+
+    def _is_finished(self, one: ObjectPlan) -> bool:
+        entry = self.manifest.files.get(file_name(one.id))
+        if entry is None or not (self._folder / file_name(one.id)).exists():
+            return False
+        check_file(self._folder, file_name(one.id), entry)
+        if entry.content_hash != one.content_hash:
+            raise DemoError(
+                f"{str(self._folder)!r} holds demonstrations of another {one.id!r}: its content hash was "
+                f"{entry.content_hash}, now it is {one.content_hash}; choose another folder"
+            )
+        return True
+
+    def _finish(self, one: ObjectPlan, streams: list[Stream]) -> None:
+        known = {(a.target, a.level): a for a in self._staging.load(one.id)}
+        attempts = [known[stream.target, level] for stream in streams for level in stream.levels]
+        counts = tuple(_count(stream) for stream in streams)
+        obj = load_object(one.item) if isinstance(one.item, str) else one.item
+        header = make_header(obj, self._plan.settings, counts, self._plan.flag_names, attempts)
+        path = self._folder / file_name(one.id)
+        write_object_file(path, header, attempts)
+        entry = FileEntry(
+            object=one.id,
+            content_hash=one.content_hash,
+            sha256=sha256_of(path),
+            bytes=path.stat().st_size,
+            trajectories=sum(attempt.recording is not None for attempt in attempts),
+            targets=counts,
+        )
+        self.manifest = self.manifest.with_file(path.name, entry)
+        write_manifest(self.manifest, self._folder)
+        self._staging.remove(one.id)
+
+
+def file_name(object_id: str) -> str:
+    """Of an object's demonstrations."""
+    return f"{object_id}.h5"
+
+
+def _count(stream: Stream) -> TargetCount:
+    successes = sum(stream.outcomes[level] for level in stream.levels)
+    return TargetCount(stream.target, stream.wanted, successes, len(stream.levels), successes < stream.wanted)
+
+
+def _open_manifest(plan: Plan, folder: Path) -> Manifest:
+    """The folder's manifest, which must be of the plan's settings; a new one where there is none."""
+    remove_leftovers(folder)
+    if not (folder / MANIFEST).exists():
+        manifest = Manifest(plan.settings)
+        write_manifest(manifest, folder)
+        return manifest
+    manifest = read_manifest(folder)
+    differences = manifest.settings.differences(plan.settings)
+    if differences:
+        raise DemoError(
+            f"{str(folder)!r} holds demonstrations of other settings ({differences}); choose another folder"
+        )
+    return manifest

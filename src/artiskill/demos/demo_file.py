@@ -1,0 +1,148 @@
+"""`DemoFile`: one file of demonstrations, open for reading."""
+
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.assets.catalog import load_object
+from artiskill.demos.hdf5 import open_file, reading
+from artiskill.demos.header import Header
+from artiskill.demos.recording import ARRAYS, Recording
+from artiskill.demos.trajectory import Trajectory
+from artiskill.demos.writing import ATTEMPTS
+from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.errors import ArtiSkillError, DemoError
+
+
+class DemoFile:
+    """The demonstrations of one object; a sequence of `Trajectory`, and a context manager that closes the file.
+
+    Args:
+        path: of the file.
+
+    Attributes:
+        path: of the file.
+        header: all but the trajectories.
+
+    Raises:
+        DemoError: there is no such file, or it is damaged, foreign or of another version.
+        MissingExtraError: h5py is not installed.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self.path = Path(path)
+        self._file = open_file(self.path)
+        try:
+            with reading(self.path, "its header"):
+                self.header = Header.from_attributes(dict(self._file.attrs), self.path)
+                self._count = sum(name.startswith("traj_") for name in self._file)
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        """Itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the file."""
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._file.close()
+
+    def __len__(self) -> int:
+        """How many trajectories it holds."""
+        return self._count
+
+    def __iter__(self) -> Iterator[Trajectory]:
+        """All trajectories."""
+        return (self.trajectory(i) for i in range(len(self)))
+
+    def trajectory(self, i: int) -> Trajectory:
+        """One of them, read whole.
+
+        Raises:
+            IndexError: there are not so many.
+            DemoError: it is damaged.
+        """
+        arrays = {name: self.array(i, name) for name in ARRAYS}
+        with reading(self.path, f"trajectory {i}"):
+            header = self.header
+            recording = Recording(
+                **arrays, state_columns=header.state_columns, key_frame_columns=header.key_frame_columns
+            )
+            about = self._file[f"traj_{i}"].attrs
+            return Trajectory(
+                header, f"{self.path.name}, trajectory {i}", str(about["target"]), int(about["level"]), recording
+            )
+
+    def array(self, i: int, name: str) -> np.ndarray:
+        """One array of a trajectory, without the others; names as in `Recording`.
+
+        Raises:
+            IndexError: there are not so many trajectories.
+            DemoError: it is damaged.
+        """
+        if not 0 <= i < len(self):
+            raise IndexError(f"{str(self.path)!r} has the trajectories 0 to {len(self) - 1}, not {i}")
+        with reading(self.path, f"{name} of trajectory {i}"):
+            found: np.ndarray = self._file[f"traj_{i}"][name][()]
+            return found
+
+    @cached_property
+    def attempts(self) -> np.ndarray:
+        """(N,) all attempts that were made, in order; see `writing.ATTEMPT_TYPE`.
+
+        Raises:
+            DemoError: they are damaged.
+        """
+        with reading(self.path, "its attempts"):
+            found: np.ndarray = self._file[ATTEMPTS][()]
+            return found
+
+    def load_object(self, given: ArticulatedObject | None = None) -> ArticulatedObject:
+        """The object, which must be the one that was demonstrated with.
+
+        Args:
+            given: where no name leads to it: an imported one, say, or one's own.
+
+        Raises:
+            DemoError: this version's, or this catalogue's, is another one; or there is none.
+        """
+        wanted = self.header.content_hash
+        try:
+            found = load_object(self.header.facts["name"]) if given is None else given
+        except ArtiSkillError as error:
+            raise DemoError(f"{str(self.path)!r}: cannot load its object: {error}") from error
+        if found.content_hash != wanted:
+            raise DemoError(
+                f"{str(self.path)!r} was made with another {self.header.object!r}: its content hash was {wanted}, "
+                f"now it is {found.content_hash}"
+            )
+        return found
+
+    def make_env(
+        self, obs_mode: str = "state", obj: ArticulatedObject | None = None, **options: Any
+    ) -> ManipulationEnv:
+        """An environment of its task, control mode and object.
+
+        Args:
+            obs_mode: as `ManipulationEnv` takes it.
+            obj: as in `load_object`.
+            options: further arguments of `ManipulationEnv`.
+
+        Raises:
+            DemoError: its object or task has changed.
+        """
+        obj = self.load_object(obj)
+        self.header.settings.make_task()
+        return self.header.settings.make_env([obj], obs_mode, **options)

@@ -1,0 +1,115 @@
+"""`manifest.json` of a folder of demonstrations: its settings, and its files with their checksums."""
+
+import hashlib
+import json
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from artiskill.config import from_mapping, to_mapping
+from artiskill.demos.header import FORMAT, SCHEMA_VERSION, TargetCount, check_format
+from artiskill.demos.settings import Settings
+from artiskill.errors import ConfigError, DemoError
+from artiskill.jobs.whole_files import whole_file
+
+MANIFEST = "manifest.json"
+
+
+@dataclass(frozen=True)
+class FileEntry:
+    """One file of the folder.
+
+    Attributes:
+        object: whose demonstrations it holds.
+        content_hash: of the object.
+        sha256: of the file.
+        bytes: of the file.
+        trajectories: that it holds.
+        targets: what came of each.
+    """
+
+    object: str
+    content_hash: str
+    sha256: str
+    bytes: int
+    trajectories: int
+    targets: tuple[TargetCount, ...]
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """What a folder holds.
+
+    Attributes:
+        settings: of all its files.
+        files: by name.
+    """
+
+    settings: Settings
+    files: dict[str, FileEntry] = field(default_factory=dict)
+
+    def with_file(self, name: str, entry: FileEntry) -> "Manifest":
+        """With one more file; they are in the order of their names."""
+        return replace(self, files=dict(sorted((self.files | {name: entry}).items())))
+
+
+def read_manifest(folder: Path) -> Manifest:
+    """The manifest of a folder.
+
+    Raises:
+        DemoError: it has none, or one that is damaged, foreign or of another version.
+    """
+    path = folder / MANIFEST
+    try:
+        given = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise DemoError(f"{str(folder)!r} holds no demonstrations: it has no {MANIFEST}") from error
+    except (OSError, ValueError) as error:
+        raise DemoError(f"{str(path)!r} is damaged: {error}") from error
+    if not isinstance(given, dict):
+        raise DemoError(f"{str(path)!r} holds no demonstrations of artiskill")
+    check_format(given.pop("format", None), given.pop("schema_version", None), path)
+    try:
+        return from_mapping(Manifest, given, str(path))
+    except ConfigError as error:
+        raise DemoError(f"a damaged manifest: {error}") from error
+
+
+def write_manifest(manifest: Manifest, folder: Path) -> None:
+    """Write it; it is replaced whole or stays as it was.
+
+    Raises:
+        DemoError: it cannot be written.
+    """
+    content = {"format": FORMAT, "schema_version": SCHEMA_VERSION, **to_mapping(manifest)}
+    try:
+        with whole_file(folder / MANIFEST) as temporary:
+            temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise DemoError(f"cannot write to {str(folder)!r}: {error.strerror or error}") from error
+
+
+def sha256_of(path: Path) -> str:
+    """Of a file's bytes.
+
+    Raises:
+        DemoError: it cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise DemoError(f"cannot read {str(path)!r}: {error.strerror or error}") from error
+
+
+def check_file(folder: Path, name: str, entry: FileEntry) -> None:
+    """Compare a file with its entry.
+
+    Raises:
+        DemoError: it is missing, or another one.
+    """
+    found = sha256_of(folder / name)
+    if found != entry.sha256:
+        raise DemoError(
+            f"{str(folder / name)!r} is not the file that the manifest lists: its SHA-256 is {found[:16]}..., the "
+            f"manifest has {entry.sha256[:16]}...; it was changed or damaged: remove it and collect again"
+        )

@@ -1,0 +1,27 @@
+"""What the numbers depend on."""
+
+import platform
+from importlib.metadata import PackageNotFoundError, version
+
+# Distributions on which the numbers depend.
+_DISTRIBUTIONS = (
+    "artiskill",
+    "mujoco-core",
+    "numpy",
+    "scipy",
+    "numba",
+    "llvmlite",
+    "array-api-compat",
+    "gymnasium",
+)
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the distributions that the numbers depend on."""
+    found = {"python": platform.python_version()}
+    for name in _DISTRIBUTIONS:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:  # run from a source tree that is not installed
+            found[name] = "unknown"
+    return found

@@ -1,0 +1,87 @@
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from artiskill.cli.main import main
+
+
+def test_collect_verify_stats(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "demos" / "drawers"
+    collect = ["demos", "collect", "--task", "OpenCabinetDrawer", "--objects", "cabinet-0026", "--out", str(out)]
+    collect += ["--per-object", "3", "--workers", "1"]
+    assert main(collect) == 0
+    shown = capsys.readouterr()
+    assert "cabinet-0026         2      3/3          3   100%" in shown.out
+    assert shown.err.splitlines()[-1].startswith("OpenCabinetDrawer, joint: 3/3 trajectories, 100% solved, ")
+    assert main(collect) == 0
+    assert capsys.readouterr().err == ""  # nothing was left to do
+
+    assert main(["demos", "verify", str(tmp_path / "demos"), "--workers", "1"]) == 0
+    assert "3 of 3 trajectories bit-exact: all is as recorded" in capsys.readouterr().out
+
+    numbers = tmp_path / "stats.json"
+    assert main(["demos", "stats", str(out), "--json", str(numbers)]) == 0
+    assert (
+        "OpenCabinetDrawer, joint: 3 trajectories of 1 object, 100.0% of the attempts solved"
+        in capsys.readouterr().out
+    )
+    assert json.loads(numbers.read_text())[0]["objects"][0]["successes"] == 3
+
+    with (out / "cabinet-0026.h5").open("ab") as file:
+        file.write(b"x")
+    assert main(["demos", "verify", str(out), "--workers", "1"]) == 1
+    assert "is not the file that the manifest lists" in capsys.readouterr().out
+
+
+def test_an_object_that_no_expert_solves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    collect = [
+        "demos",
+        "collect",
+        "--task",
+        "OpenCabinetDrawer",
+        "--objects",
+        "cabinet-0002",
+        "--per-object",
+        "100",
+    ]
+    assert main([*collect, "--set", "episode_steps=1", "--out", str(tmp_path / "d"), "--workers", "1"]) == 1
+    shown = capsys.readouterr().out
+    assert "given up after 50 attempts, 0 of 100 trajectories" in shown
+
+
+@pytest.mark.parametrize(
+    ("command", "error"),
+    [
+        (["collect", "--task", "OpenCabinetDrawer"], "the following arguments are required: --out"),
+        (["collect", "--task", "PushChairs", "--out", "x"], "unknown task 'PushChairs'; did you mean 'PushChair'"),
+        (["collect", "--task", "PushChair", "--out", "x", "--per-object", "0"], "trajectories per object must be"),
+        (["verify", "x"], "holds no demonstrations"),
+        (["stats", "x"], "holds no demonstrations"),
+        (["collcet"], "unknown command 'collcet'; did you mean 'collect'"),
+    ],
+)
+def test_errors_are_one_line(
+    command: list[str],
+    error: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["demos", *command]) == 2
+    shown = capsys.readouterr().err
+    assert error in shown
+    assert len(shown.splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_the_extra(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    command = ["demos", "collect", "--task", "OpenCabinetDrawer", "--objects", "cabinet-0002"]
+    assert main([*command, "--out", str(tmp_path / "d")]) == 2
+    assert "pip install 'artiskill[demos]'" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

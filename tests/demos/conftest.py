@@ -1,0 +1,51 @@
+"""A small collection of drawers, made once."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from artiskill.demos.collect import collect
+from artiskill.demos.config import load_demos_config
+from artiskill.demos.plan import Plan, make_plan
+
+OBJECTS = ["cabinet-0002", "cabinet-0026"]  # with one drawer, and with two
+PER_OBJECT = 3
+CONFIG = load_demos_config({"store.key_frame_steps": 30, "patience.attempts": 4, "block_levels": 2})
+
+
+def drawer_plan(**changes: Any) -> Plan:
+    """A plan of the small collection, or one that differs from it."""
+    return make_plan(
+        **(
+            {"task": "OpenCabinetDrawer", "objects": OBJECTS, "per_object": PER_OBJECT, "demos_config": CONFIG}
+            | changes
+        )
+    )
+
+
+@pytest.fixture(scope="session")
+def drawers(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The small collection; to be read only."""
+    folder = tmp_path_factory.mktemp("demos") / "drawers"
+    collect(drawer_plan(), folder)
+    return folder
+
+
+@pytest.fixture
+def own_drawers(drawers: Path, tmp_path: Path) -> Path:
+    """A copy of it for whoever changes it."""
+    return Path(shutil.copytree(drawers, tmp_path / "drawers"))
+
+
+@pytest.fixture
+def plan() -> Callable[..., Plan]:
+    """`drawer_plan`."""
+    return drawer_plan
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """All files of a folder."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}

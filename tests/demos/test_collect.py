@@ -1,0 +1,222 @@
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from artiskill.demos.collect import collect
+from artiskill.demos.demo_file import DemoFile
+from artiskill.demos.demos import Demos
+from artiskill.demos.manifest import read_manifest
+from artiskill.demos.plan import Plan
+from artiskill.demos.staging import STAGING_FOLDER
+from artiskill.demos.verify import verify
+from artiskill.errors import ConfigError, DemoError, UnknownNameError
+from artiskill.jobs.reservation import reserved
+
+from .conftest import PER_OBJECT, contents
+
+MakePlan = Callable[..., Plan]
+
+# Collects, and is killed at the third attempt that it hears of, or writes files of at most so many bytes.
+COLLECTOR = """
+import os, resource, signal, sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+from tests.demos.conftest import drawer_plan
+from artiskill.demos.collect import collect
+
+heard = []
+def on_attempt(attempt):
+    heard.append(attempt)
+    if len(heard) == 3 and sys.argv[4] == "kill":
+        os.kill(os.getpid(), signal.SIGKILL)
+
+if __name__ == "__main__":
+    if sys.argv[4].isdigit():
+        env = drawer_plan().settings.make_env(["cabinet-0002"])
+        env.reset(seed=0)
+        env.step(env.action_space.sample())  # compiled code is on the disk from now on
+        resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[4]),) * 2)
+    collect(drawer_plan(), Path(sys.argv[2]), int(sys.argv[3]), on_attempt)
+"""
+
+
+def collector(root: Path, folder: Path, workers: int, what: str) -> subprocess.CompletedProcess[str]:
+    script = folder.parent / "collector.py"
+    script.write_text(COLLECTOR)
+    command = [sys.executable, str(script), str(root), str(folder), str(workers), what]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+def test_what_is_collected(drawers: Path) -> None:
+    demos = Demos(drawers, check=True)
+    assert demos.objects == ("cabinet-0002", "cabinet-0026")
+    assert len(demos) == 2 * PER_OBJECT
+    assert all(trajectory.success for trajectory in demos.trajectories())
+    with demos.open("cabinet-0026") as file:
+        targets = [(count.target, count.wanted, count.successes) for count in file.header.targets]
+        assert [wanted for _, wanted, _ in targets] == [2, 1]
+        levels = [(trajectory.target, trajectory.level) for trajectory in file]
+    first, second = (target for target, _, _ in targets)
+    assert levels == [(first, 0), (first, 2), (second, 1)]
+    assert not (drawers / STAGING_FOLDER).exists()
+    with pytest.raises(UnknownNameError, match="did you mean 'cabinet-0026'"):
+        demos.open("cabinet-26")
+
+
+def test_two_workers_make_the_same_files(drawers: Path, plan: MakePlan, tmp_path: Path) -> None:
+    collect(plan(), tmp_path / "two", workers=2)
+    assert contents(tmp_path / "two") == contents(drawers)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_killed_collection_goes_on(
+    drawers: Path, root: Path, plan: MakePlan, tmp_path: Path, workers: int
+) -> None:
+    folder = tmp_path / "killed"
+    assert collector(root, folder, workers, "kill").returncode == -signal.SIGKILL
+    assert list((folder / STAGING_FOLDER).rglob("*.npz")) or list(folder.glob("*.h5"))
+    attempts = []
+    collect(plan(), folder, 3 - workers, attempts.append)
+    assert contents(folder) == contents(drawers)
+    assert len(attempts) <= 2 * PER_OBJECT - 3  # the first three are not made again
+
+
+def test_nothing_is_made_twice(own_drawers: Path, plan: MakePlan) -> None:
+    before = contents(own_drawers)
+    attempts = []
+    collect(plan(), own_drawers, on_attempt=attempts.append)
+    assert not attempts
+    assert contents(own_drawers) == before
+
+
+def test_a_killed_end_is_made_up_for(own_drawers: Path, plan: MakePlan, drawers: Path) -> None:
+    """Killed after the file was written and before the manifest, with half a file left over."""
+    lost = plan(objects=["cabinet-0002"])
+    (own_drawers / "manifest.json").unlink()
+    (own_drawers / ".part-abc.h5").write_bytes(b"half")
+    (own_drawers / STAGING_FOLDER / "cabinet-0026").mkdir(parents=True)
+    (own_drawers / STAGING_FOLDER / "cabinet-0026" / "link_1.0.npz").write_bytes(b"half")
+    collect(lost, own_drawers)
+    collect(plan(), own_drawers)
+    assert contents(own_drawers) == contents(drawers)
+
+
+def test_objects_may_follow_later(drawers: Path, plan: MakePlan, tmp_path: Path) -> None:
+    for name in ("cabinet-0026", "cabinet-0002"):
+        collect(plan(objects=[name]), tmp_path / "one by one")
+    assert contents(tmp_path / "one by one") == contents(drawers)
+
+
+def test_other_settings_need_another_folder(own_drawers: Path, plan: MakePlan) -> None:
+    with pytest.raises(DemoError, match=r"other settings \(per_object 3 there, 4 here\); choose another folder"):
+        collect(plan(per_object=4), own_drawers)
+    with pytest.raises(DemoError, match=r"config\.episode_steps 200 there, 150 here"):
+        collect(plan(config={"episode_steps": 150}), own_drawers)
+
+
+def test_another_object_of_the_same_name_is_refused(own_drawers: Path, plan: MakePlan) -> None:
+    manifest = own_drawers / "manifest.json"
+    known = read_manifest(own_drawers).files["cabinet-0002.h5"].content_hash
+    manifest.write_text(manifest.read_text().replace(known, "0" * len(known)))
+    with pytest.raises(DemoError, match="holds demonstrations of another 'cabinet-0002'"):
+        collect(plan(), own_drawers)
+
+
+def test_a_changed_file_is_noticed(own_drawers: Path, plan: MakePlan) -> None:
+    with (own_drawers / "cabinet-0002.h5").open("ab") as file:
+        file.write(b"more")
+    with pytest.raises(DemoError, match=r"is not the file that the manifest lists.*remove it and collect again"):
+        collect(plan(), own_drawers)
+
+
+def test_a_removed_file_is_made_again(own_drawers: Path, plan: MakePlan, drawers: Path) -> None:
+    (own_drawers / "cabinet-0002.h5").unlink()
+    collect(plan(), own_drawers)
+    assert contents(own_drawers) == contents(drawers)
+
+
+def test_one_collector_at_a_time(own_drawers: Path, plan: MakePlan) -> None:
+    before = contents(own_drawers)
+    with (
+        reserved(own_drawers, "collector"),
+        pytest.raises(ConfigError, match=rf"another collector \(process {os.getpid()}\) writes to"),
+    ):
+        collect(plan(), own_drawers)
+    assert contents(own_drawers) == before
+
+
+def test_what_no_expert_solves_is_given_up(plan: MakePlan, tmp_path: Path) -> None:
+    steps = {"episode_steps": 5}
+    for workers in (1, 2):
+        collect(plan(config=steps, objects=["cabinet-0026"]), tmp_path / str(workers), workers)
+    assert contents(tmp_path / "1") == contents(tmp_path / "2")
+    (entry,) = read_manifest(tmp_path / "1").files.values()
+    assert [(c.attempts, c.successes, c.gave_up) for c in entry.targets] == [(4, 0, True), (4, 0, True)]
+    assert entry.trajectories == 0
+    with DemoFile(tmp_path / "1" / "cabinet-0026.h5") as file:
+        assert len(file) == 0
+        assert file.attempts["steps"].tolist() == [5] * 8
+        assert file.attempts["trajectory"].tolist() == [-1] * 8
+    assert not verify(tmp_path / "1")[0].faults
+
+
+def test_failures_are_kept_on_request(plan: MakePlan, tmp_path: Path) -> None:
+    collect(plan(config={"episode_steps": 5}, objects=["cabinet-0002"], keep_failures=True), tmp_path)
+    with DemoFile(tmp_path / "cabinet-0002.h5") as file:
+        assert [(len(t), t.success) for t in file] == [(5, False)] * 4
+    (verdict,) = verify(tmp_path)
+    assert (verdict.exact, verdict.faults) == (4, ())
+
+
+def test_operational_space(plan: MakePlan, tmp_path: Path) -> None:
+    collect(plan(control_mode="operational_space", objects=["cabinet-0002"], per_object=1), tmp_path)
+    with DemoFile(tmp_path / "cabinet-0002.h5") as file:
+        trajectory, env = file.trajectory(0), file.make_env()
+        assert trajectory.success
+        assert env.control.mode == "operational_space"
+        assert trajectory.env_state(45, env).elapsed == 45
+    assert not verify(tmp_path)[0].faults
+
+
+def test_chosen_targets(plan: MakePlan, drawers: Path, tmp_path: Path) -> None:
+    chosen = [count.target for count in read_manifest(drawers).files["cabinet-0026.h5"].targets][1]
+    collect(plan(objects=["cabinet-0026"], targets=[chosen], per_object=1), tmp_path)
+    with DemoFile(tmp_path / "cabinet-0026.h5") as file, DemoFile(drawers / "cabinet-0026.h5") as other:
+        assert [count.target for count in file.header.targets] == [chosen]
+        ours, theirs = file.trajectory(0), other.trajectory(2)
+        assert (ours.target, ours.level) == (theirs.target, theirs.level)
+        np.testing.assert_array_equal(ours.actions, theirs.actions)
+    with pytest.raises(UnknownNameError, match="target link 'link_99'"):
+        plan(targets=["link_99"])
+
+
+@pytest.mark.parametrize("most_bytes", [20_000, 30_000])
+def test_a_full_disk_damages_nothing(
+    drawers: Path, root: Path, plan: MakePlan, tmp_path: Path, most_bytes: int
+) -> None:
+    """The first limit is too small for an attempt, the second for the file of an object."""
+    folder = tmp_path / "full"
+    done = collector(root, folder, 1, str(most_bytes))
+    assert done.returncode == 1
+    assert "DemoError: cannot write" in done.stderr
+    assert "File too large" in done.stderr
+    assert not list(folder.rglob(".part-*"))
+    collect(plan(), folder)
+    assert contents(folder) == contents(drawers)
+
+
+def test_bad_numbers(plan: MakePlan, tmp_path: Path) -> None:
+    for bad in (0, -1, 2.5, True):
+        with pytest.raises(ConfigError, match="trajectories per object must be a whole number of at least 1"):
+            plan(per_object=bad)
+        with pytest.raises(ConfigError, match="workers must be a whole number of at least 1"):
+            collect(plan(), tmp_path / "out", workers=bad)
+    with pytest.raises(UnknownNameError, match="unknown control mode 'joints'; did you mean 'joint'"):
+        plan(control_mode="joints")
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,65 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from artiskill.demos.coverage import Visits
+from artiskill.demos.stats import folder_stats
+
+
+def states(
+    base_xy: list[list[float]], root_xy: list[float], yaw_rad: float, qpos: list[float]
+) -> dict[str, np.ndarray]:
+    count = len(base_xy)
+    base = np.zeros((count, 13), dtype=np.float32)
+    base[:, :2] = base_xy
+    quaternion = [np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)]
+    return {
+        "robot_qpos": base,
+        "root_position_w": np.tile((*root_xy, 0.0), (count, 1)).astype(np.float32),
+        "root_quaternion_w": np.tile(quaternion, (count, 1)).astype(np.float32),
+        "object_qpos": np.array(qpos, dtype=np.float32)[:, None],
+    }
+
+
+def test_a_base_is_seen_from_the_object() -> None:
+    visits = Visits(is_fixed=True)
+    visits.add(states([[1.0, 2.1], [1.0, 2.2]], [1.0, 1.0], np.pi / 2, [0.0, 0.0]), "link_1", 0, (0.0, 1.0))
+    assert visits.base == 1 / 400
+    visits.add(states([[2.1, 0.0]], [1.0, 0.0], 0.0, [0.0]), "link_1", 0, (0.0, 1.0))  # the same place
+    assert visits.base == 1 / 400
+    visits.add(states([[9.0, 0.0], [-2.4, 0.0]], [0.0, 0.0], 0.0, [0.0] * 2), "link_1", 0, (0.0, 1.0))
+    assert visits.base == 2 / 400  # the first is out of reach
+
+
+def test_joints_count_in_shares_of_their_range() -> None:
+    visits = Visits(is_fixed=True)
+    opening = list(np.linspace(0.1, 0.6, 100))  # the lower half of the range
+    visits.add(states([[0.0, 0.0]] * 100, [0.0, 0.0], 0.0, opening), "link_1", 0, (0.1, 1.1))
+    assert visits.object == pytest.approx(0.5, abs=0.051)
+    visits.add(states([[0.0, 0.0]], [0.0, 0.0], 0.0, [5.0]), "link_2", 0, (0.1, 1.1))
+    assert visits.object == pytest.approx((0.525 + 0.05) / 2, abs=0.03)
+
+
+def test_a_free_object_counts_by_its_place() -> None:
+    visits = Visits(is_fixed=False)
+    for x in (-0.1, 0.1, 0.2):
+        visits.add(states([[0.0, 0.0]], [x, 0.1], 0.0, [0.0]), "base", 0, (0.0, 1.0))
+    assert visits.object == 2 / 400
+
+
+def test_a_folder_in_numbers(drawers: Path) -> None:
+    seen: list[None] = []
+    stats = folder_stats(drawers, lambda: seen.append(None))
+    assert len(seen) == 2
+    assert stats.trajectories == 6
+    assert stats.success_rate == 1.0
+    one = stats.objects[0]
+    assert (one.object, one.wanted, one.trajectories, one.attempts, one.gave_up) == ("cabinet-0002", 3, 3, 3, ())
+    assert 30 < one.shortest <= one.mean_length <= one.longest <= 200
+    assert one.bytes_per_trajectory == (drawers / "cabinet-0002.h5").stat().st_size / 3
+    assert 0.005 < one.base_coverage < 0.2
+    assert one.object_coverage > 0.8  # drawers are opened by 90 %
+    written = stats.to_mapping()
+    assert written["objects"][1]["targets"][0]["attempts"] == 2
+    assert written["mean_length"] == stats.mean_length

@@ -1,0 +1,150 @@
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from artiskill.demos.hdf5 import load_h5py
+from artiskill.demos.manifest import read_manifest, sha256_of
+from artiskill.demos.verify import verify
+from artiskill.errors import ConfigError, DemoError
+
+NAME = "cabinet-0002.h5"
+
+
+def rewrite(folder: Path, change: Any) -> None:
+    """Change a file, and its checksum in the manifest with it: as somebody would who wants it to look true."""
+    path, manifest = folder / NAME, folder / "manifest.json"
+    with load_h5py().File(path, "r+") as file:
+        change(file)
+    content = json.loads(manifest.read_text())
+    content["files"][NAME]["sha256"] = sha256_of(path)
+    manifest.write_text(json.dumps(content))
+
+
+def fault_of(folder: Path, change: Any) -> str:
+    rewrite(folder, change)
+    first, second = verify(folder)
+    assert not second.faults
+    (fault,) = first.faults
+    return fault
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_all_is_as_recorded(drawers: Path, workers: int) -> None:
+    told: list[bool] = []
+    verdicts = verify(drawers, workers, told.append)
+    assert [verdict.object for verdict in verdicts] == ["cabinet-0002", "cabinet-0026"]
+    assert all(verdict.exact == verdict.trajectories == 3 and not verdict.faults for verdict in verdicts)
+    assert all(verdict.steps > 100 for verdict in verdicts)
+    assert told == [True] * 6
+
+
+def set_row(name: str, row: Any, value: Any) -> Any:
+    def change(file: Any) -> None:
+        file[f"traj_1/{name}"][row] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("name", "row", "value", "fault"),
+    [
+        ("actions", (5, 2), 0.123, "; digests differ from row 6 on"),
+        ("rewards", 5, 0.25, "trajectory 1: rewards differ from row 5 on"),
+        ("flags", (5, 0), True, "trajectory 1: flags differ from row 5 on"),
+        ("digests", 5, 7, "trajectory 1: digests differ from row 5 on"),
+        ("states", (5, 0), 9.0, "trajectory 1: states differ from row 5 on"),
+        ("key_frames", (1, 20), 9.0, "trajectory 1: key_frames differ from row 1 on"),
+    ],
+)
+def test_every_number_counts(own_drawers: Path, name: str, row: Any, value: Any, fault: str) -> None:
+    found = fault_of(own_drawers, set_row(name, row, value))
+    assert fault in found
+
+
+def test_another_level(own_drawers: Path) -> None:
+    def change(file: Any) -> None:
+        file["traj_1"].attrs["level"] = 17
+
+    assert "digests differ from row 0 on" in fault_of(own_drawers, change)
+
+
+def test_a_trajectory_that_ends_too_soon(own_drawers: Path) -> None:
+    def change(file: Any) -> None:
+        group = file["traj_1"]
+        for name in ("actions", "rewards", "flags", "digests", "states"):
+            values = group[name][:-1]
+            del group[name]
+            group[name] = values
+
+    assert "trajectory 1" in fault_of(own_drawers, change)
+
+
+def test_counts_that_do_not_add_up(own_drawers: Path) -> None:
+    def change(file: Any) -> None:
+        table = file["attempts"][()]
+        table["success"][0] = 0
+        file["attempts"][...] = table
+
+    assert "do not add up" in fault_of(own_drawers, change)
+
+
+def test_a_trajectory_too_few(own_drawers: Path) -> None:
+    def change(file: Any) -> None:
+        del file["traj_2"]
+
+    assert "holds something else than the manifest says" in fault_of(own_drawers, change)
+
+
+def test_checksums(own_drawers: Path) -> None:
+    path = own_drawers / NAME
+    path.write_bytes(path.read_bytes()[:-1] + b"x")
+    first, second = verify(own_drawers)
+    assert "is not the file that the manifest lists" in first.faults[0]
+    assert (first.trajectories, second.exact) == (0, 3)
+    path.unlink()
+    assert "No such file" in verify(own_drawers)[0].faults[0]
+
+
+def test_another_catalogue(own_drawers: Path) -> None:
+    manifest = own_drawers / "manifest.json"
+    content = json.loads(manifest.read_text())
+    content["files"][NAME]["content_hash"] = "0" * 16
+    manifest.write_text(json.dumps(content))
+
+    def change(file: Any) -> None:
+        file.attrs["content_hash"] = "0" * 16
+
+    assert "was made with another 'cabinet-0002'" in fault_of(own_drawers, change)
+
+
+def test_bad_input(drawers: Path, tmp_path: Path) -> None:
+    with pytest.raises(DemoError, match=r"has no manifest.json"):
+        verify(tmp_path)
+    with pytest.raises(ConfigError, match="workers"):
+        verify(drawers, workers=0)
+
+
+def test_digests_are_independent_of_the_reader(drawers: Path) -> None:
+    """Eight bytes of BLAKE2b over the state's arrays, as the docs say."""
+    from hashlib import blake2b
+
+    from artiskill.demos.demo_file import DemoFile
+
+    with DemoFile(drawers / NAME) as file:
+        trajectory, columns = file.trajectory(0), file.header.key_frame_columns
+        frame = trajectory.recording.key_frames[1]
+        count = columns.slices["streaks"].start
+        assert columns.parts[-1][0] == "streaks"
+        digest = blake2b(np.ascontiguousarray(frame[:count]).tobytes(), digest_size=8).digest()
+        assert int.from_bytes(digest, "little") == trajectory.recording.digests[30]
+
+
+def test_other_versions_are_told(drawers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    settings = read_manifest(drawers).settings
+    assert settings.other_versions == ""
+    now = settings.versions | {"numpy": "9.9"}
+    monkeypatch.setattr("artiskill.demos.settings.versions", lambda: now)
+    assert settings.other_versions == f'numpy "{settings.versions["numpy"]}" there, "9.9" here'
