@@ -10,6 +10,7 @@ from mujoco.batch import Batch
 
 from artiskill.errors import DivergedError, StateError
 from artiskill.scene.scene import Scene
+from artiskill.sim.engine_arrays import EngineArrays, places_of, run
 from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import InitialState, SimulationState
 
@@ -30,20 +31,13 @@ class Simulation:
     def __init__(self, scene: Scene, num_envs: int = 1, num_threads: int = 1) -> None:
         self.num_envs, self.num_threads = num_envs, num_threads
         self.scenes = [scene] * num_envs
-        layout, index = scene.layout, scene.index
-        # the object's places in the engine's arrays, those that pad it included
-        self._object_qpos = _run(index.object_qpos.start, layout.joints)
-        self._object_dof = _run(index.object_dof.start, layout.joints)
-        has_root = index.root_dof.stop > index.root_dof.start  # one free joint, between the robot's and these
-        self._joints = _run(index.robot.stop + has_root, layout.joints)
-        self._links = _run(index.object_bodies.start, layout.links)
-        self._object_joints = np.full(num_envs, len(scene.object.joints))
-        self._own_joints = np.zeros((num_envs, layout.joints))
+        self._places = places_of(scene)
+        self._own_joints = np.zeros((num_envs, scene.layout.joints))
         self._own_joints[:, : len(scene.object.joints)] = 1.0
         self._models = [copy.copy(scene.model) for _ in range(num_envs)]
         self._start()
-        self._previous_position = self._xpos[:, self._links].copy()
-        self._previous_quaternion = self._xquat[:, self._links].copy()
+        self._previous_position = self._xpos[:, self._places.links].copy()
+        self._previous_quaternion = self._xquat[:, self._places.links].copy()
 
     @property
     def scene(self) -> Scene:
@@ -55,10 +49,9 @@ class Simulation:
         # persistent: a step goes on from the stages that brought the fields up to date after the last one
         self._batch = Batch(self._models[0], self.num_envs, self.num_threads, persistent=True)
         self._batch.set_models(self._models)
-        bind = self._batch.bind
-        self._qpos, self._qvel, self._ctrl, self._time = bind("qpos"), bind("qvel"), bind("ctrl"), bind("time")
-        self._xpos, self._xquat, self._xmat = bind("xpos"), bind("xquat"), bind("xmat")
-        self._anchor, self._axis, self._sensors = bind("xanchor"), bind("xaxis"), bind("sensordata")
+        self._arrays = arrays = EngineArrays(self._batch)
+        self._qpos, self._qvel, self._ctrl, self._time = arrays.qpos, arrays.qvel, arrays.ctrl, arrays.time
+        self._xpos, self._xquat = arrays.xpos, arrays.xquat
 
     def reset(
         self,
@@ -86,16 +79,15 @@ class Simulation:
                 self._batch.step(np.array([i]), nstep=state.settle_steps)
                 self._time[i] = 0.0
         self._batch.forward(ids, stage=_CURRENT)
-        self._previous_position[ids] = self._xpos[ids, self._links]
-        self._previous_quaternion[ids] = self._xquat[ids, self._links]
+        self._previous_position[ids] = self._xpos[ids, self._places.links]
+        self._previous_quaternion[ids] = self._xquat[ids, self._places.links]
 
     def _put_scene(self, env: int, scene: Scene) -> None:
         if self.scenes[env] is scene:
             return
         assert scene.layout == self.scene.layout, "scenes of one simulation have one layout"
         self.scenes[env], self._models[env] = scene, copy.copy(scene.model)
-        self._object_joints[env] = joints = len(scene.object.joints)
-        self._own_joints[env] = np.arange(scene.layout.joints) < joints
+        self._own_joints[env] = np.arange(scene.layout.joints) < len(scene.object.joints)
 
     def _put(self, env: int, state: InitialState) -> None:
         index = self.scenes[env].index
@@ -119,7 +111,7 @@ class Simulation:
         state = self._batch.state[rows]
         self.scenes += [self.scenes[i] for i in more]
         self._models += [copy.copy(self._models[i]) for i in more]
-        self._object_joints, self._own_joints = self._object_joints[rows], self._own_joints[rows]
+        self._own_joints = self._own_joints[rows]
         self._previous_position = self._previous_position[rows]
         self._previous_quaternion = self._previous_quaternion[rows]
         self.num_envs = num_envs
@@ -138,8 +130,8 @@ class Simulation:
             DivergedError: the engine warned that a state is not finite, or that it ran out of memory. It would
                 otherwise start such an environment over, silently.
         """
-        self._previous_position[:] = self._xpos[:, self._links]
-        self._previous_quaternion[:] = self._xquat[:, self._links]
+        self._previous_position[:] = self._xpos[:, self._places.links]
+        self._previous_quaternion[:] = self._xquat[:, self._places.links]
         self._ctrl[:] = targets
         self._batch.step(env_ids, nstep=self.scene.physics.physics_steps_per_step, stage=_CURRENT)
         if self._batch.warning[..., 1].any():
@@ -174,38 +166,8 @@ class Simulation:
 
     def snapshot(self) -> Snapshot:
         """What is true now; the arrays are copies."""
-        index, batch = self.scene.index, self.num_envs
-        qpos, qvel, sensors = self._qpos.copy(), self._qvel.copy(), self._sensors.copy()
-        position, quaternion = self._xpos.copy(), self._xquat.copy()
-        rotation = self._xmat[:, self._links].copy()
-        tool_axes = sensors[:, index.tool_axes].reshape(batch, -1, 3, 3)
-        rotation = rotation.reshape(batch, -1, 3, 3)
-        prop_qvel = qvel[:, index.prop_dof].reshape(batch, -1, 6)
-        return Snapshot(
-            time_s=self._time.copy(),
-            step_s=self.scene.physics.step_s,
-            robot_qpos=qpos[:, index.robot],
-            robot_qvel=qvel[:, index.robot],
-            robot_joint_anchor_w=self._anchor[:, index.robot].copy(),
-            robot_joint_axis_w=self._axis[:, index.robot].copy(),
-            finger_line_w=sensors[:, index.finger_lines].reshape(batch, -1, 2, 3),
-            fingertip_velocity_w=sensors[:, index.fingertip_velocities].reshape(batch, -1, 3),
-            tool_position_w=sensors[:, index.tool_positions].reshape(batch, -1, 3),
-            tool_rotation_w=tool_axes.swapaxes(-1, -2),
-            object_joints=self._object_joints.copy(),
-            object_qpos=qpos[:, self._object_qpos] * self._own_joints,
-            object_qvel=qvel[:, self._object_dof] * self._own_joints,
-            root_velocity_w=self._root_velocity(qvel[:, index.root_dof], rotation[:, 0]),
-            prop_position_w=qpos[:, index.prop_qpos].reshape(batch, -1, 7)[..., :3],
-            prop_velocity_w=prop_qvel[..., :3],
-            link_position_w=position[:, self._links],
-            link_quaternion_w=quaternion[:, self._links],
-            link_rotation_w=rotation,
-            previous_link_position_w=self._previous_position.copy(),
-            previous_link_quaternion_w=self._previous_quaternion.copy(),
-            body_position_w=position,
-            body_quaternion_w=quaternion,
-        )
+        previous = self._previous_position, self._previous_quaternion
+        return self._arrays.snapshot(self.scene, self._places, self._own_joints, previous)
 
     def save(self, env_ids: Sequence[int] | None = None) -> SimulationState:
         """The state of all environments, or of some, detached from the simulation."""
@@ -213,9 +175,9 @@ class Simulation:
         models = [self._models[i] for i in ids]
         return SimulationState(
             rows=self._batch.state[ids],
-            joint_friction=np.stack([m.dof_frictionloss[self._object_dof] for m in models]),
-            joint_damping=np.stack([m.dof_damping[self._object_dof] for m in models]),
-            joint_limits=np.stack([m.jnt_range[self._joints] for m in models]),
+            joint_friction=np.stack([m.dof_frictionloss[self._places.dof] for m in models]),
+            joint_damping=np.stack([m.dof_damping[self._places.dof] for m in models]),
+            joint_limits=np.stack([m.jnt_range[self._places.joints] for m in models]),
             previous_link_position_w=self._previous_position[ids],
             previous_link_quaternion_w=self._previous_quaternion[ids],
             object_hash=self._object_hash(ids),
@@ -232,14 +194,31 @@ class Simulation:
         ids = np.arange(self.num_envs) if env_ids is None else np.asarray(env_ids)
         for k, i in enumerate(ids):
             model = self._models[i]
-            model.dof_frictionloss[self._object_dof] = state.joint_friction[k]
-            model.dof_damping[self._object_dof] = state.joint_damping[k]
-            model.jnt_range[self._joints] = state.joint_limits[k]
+            model.dof_frictionloss[self._places.dof] = state.joint_friction[k]
+            model.dof_damping[self._places.dof] = state.joint_damping[k]
+            model.jnt_range[self._places.joints] = state.joint_limits[k]
         self._batch.set_models(self._models)
         self._batch.state[ids] = state.rows
         self._batch.forward(ids, stage=_CURRENT)
         self._previous_position[ids] = state.previous_link_position_w
         self._previous_quaternion[ids] = state.previous_link_quaternion_w
+
+    def spread(self, state: SimulationState) -> None:
+        """Put all environments at one saved instant (B = 1), as predictive controllers do.
+
+        Raises:
+            StateError: the state comes from another scene, or is of several environments.
+        """
+        self.check_state(state, [0])
+        for model in self._models:
+            model.dof_frictionloss[self._places.dof] = state.joint_friction[0]
+            model.dof_damping[self._places.dof] = state.joint_damping[0]
+            model.jnt_range[self._places.joints] = state.joint_limits[0]
+        self._batch.set_models(self._models)
+        self._batch.state[:] = state.rows
+        self._batch.forward(stage=_CURRENT)
+        self._previous_position[:] = state.previous_link_position_w
+        self._previous_quaternion[:] = state.previous_link_quaternion_w
 
     def check_state(self, state: SimulationState, env_ids: Sequence[int] | None = None) -> None:
         """See whether `restore` would take a state; nothing is changed.
@@ -270,24 +249,13 @@ class Simulation:
 
     def _set_parameters(self, env: int, state: InitialState) -> None:
         model, scene = self._models[env], self.scenes[env]
-        dof, joints = scene.index.object_dof, _run(self._joints.start, len(scene.object.joints))
+        dof, joints = scene.index.object_dof, run(self._places.joints.start, len(scene.object.joints))
         model.dof_frictionloss[dof] = state.joint_friction
         model.dof_damping[dof] = state.joint_damping
         own = scene.model.jnt_range[joints]
         model.jnt_range[joints] = own if state.object_limits is None else state.object_limits
 
-    def _root_velocity(self, qvel: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-        """(B, 6) world-frame velocity from that of a free joint, whose angular part is in the body's own frame."""
-        if not qvel.shape[1]:
-            return np.zeros((self.num_envs, 6))
-        qvel[:, 3:] = np.einsum("bij,bj->bi", rotation, qvel[:, 3:])
-        return qvel
-
 
 def _upright(positions: np.ndarray) -> np.ndarray:
     """(K, 3) positions -> (7 K,) poses."""
     return np.concatenate((positions, np.tile((1.0, 0.0, 0.0, 0.0), (len(positions), 1))), axis=1).ravel()
-
-
-def _run(start: int, count: int) -> slice:
-    return slice(start, start + count)

@@ -7,7 +7,8 @@ import pytest
 
 
 def test_examples_run(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    blocks = re.findall(r"```python\n(.*?)```", (root / "docs" / "vector.md").read_text(encoding="utf-8"), re.DOTALL)
+    page = (root / "docs" / "vector.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     space: dict[str, object] = {}
     for block in blocks[:2]:  # the third needs an extra
         exec(block, space)

@@ -1,0 +1,193 @@
+"""Model predictive control by the cross-entropy method, on the dense reward alone.
+
+It knows no strategy: what it finds, the reward asks for. So it shows that a task's reward leads to success on an
+object, and that the object can be solved at all. What it does beyond the plain method (coloured noise, elites and
+mean carried over from step to step) is after Pinneri et al., "Sample-efficient Cross-Entropy Method for Real-time
+Planning", CoRL 2020.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from artiskill.config import CONFIG_DIR, check_positive, check_value, load_config
+from artiskill.robots.actions import ActionScale
+from artiskill.scene.scene import Scene
+from artiskill.sim.simulation import Simulation
+from artiskill.sim.snapshot import Snapshot
+from artiskill.sim.states import SimulationState
+from artiskill.tasks.goals import stack_goals
+from artiskill.tasks.task import Goal, Task
+
+CONFIG_PATH = CONFIG_DIR / "experts" / "mpc.yaml"
+
+
+@dataclass(frozen=True)
+class MpcConfig:
+    """Values of the planner.
+
+    Attributes:
+        samples: action sequences tried per iteration.
+        elites: the best of them, which the next iteration's mean and spread come from.
+        iterations: per plan.
+        horizon_steps: environment steps looked ahead.
+        kept_elites: best sequences that are tried again in the next iteration, and, shifted, in the next plan.
+        noise_exponent: power spectrum of the noise along time, 1 / f**exponent; 0 is white.
+        start_std: spread of each plan's first iteration, of actions in [-1, 1].
+        least_std: the spread never falls below.
+        momentum: share of the old mean and spread that stays.
+        discount: of rewards, per step.
+        act_steps: environment steps acted per plan.
+    """
+
+    samples: int
+    elites: int
+    iterations: int
+    horizon_steps: int
+    kept_elites: int
+    noise_exponent: float
+    start_std: float
+    least_std: float
+    momentum: float
+    discount: float
+    act_steps: int
+
+    def __post_init__(self) -> None:
+        check_positive(
+            self, "samples", "elites", "iterations", "horizon_steps", "start_std", "least_std", "act_steps"
+        )
+        check_value(self, "elites", self.elites <= self.samples, "must not exceed samples")
+        check_value(self, "kept_elites", 0 <= self.kept_elites <= self.elites, "must lie between 0 and elites")
+        check_value(self, "act_steps", self.act_steps <= self.horizon_steps, "must not exceed horizon_steps")
+        check_value(self, "momentum", 0 <= self.momentum < 1, "must lie in [0, 1)")
+        check_value(self, "discount", 0 < self.discount <= 1, "must lie in (0, 1]")
+
+
+def load_mpc_config(overrides: dict[str, Any] | None = None) -> MpcConfig:
+    """The values of `configs/experts/mpc.yaml`, some of them changed."""
+    return load_config(MpcConfig, CONFIG_PATH, overrides)
+
+
+class Planner:
+    """Plans actions of one episode.
+
+    Args:
+        task: whose dense reward is maximised.
+        scene: of the episode.
+        goal: of the episode, B = 1.
+        scale: what actions mean, of the control mode `joint`.
+        config: see there.
+        rng: draws the noise.
+        num_threads: threads that simulate; any number gives the same plan.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        scene: Scene,
+        goal: Goal,
+        scale: ActionScale,
+        config: MpcConfig,
+        rng: np.random.Generator,
+        num_threads: int = 1,
+    ) -> None:
+        self._task, self._scale, self._config, self._rng = task, scale, config, rng
+        self._simulation = Simulation(scene, config.samples, num_threads)
+        self._goal = stack_goals([goal] * config.samples)
+        self._size = scale.center.size
+        self._mean = np.zeros((config.horizon_steps, self._size))
+        self._kept = np.zeros((0, config.horizon_steps, self._size))
+        self._left: list[np.ndarray] = []
+
+    def act(self, state: SimulationState) -> np.ndarray:
+        """The next action, (A,), at an instant with B = 1."""
+        if not self._left:
+            best = self.plan(state)
+            self._left = list(best[: self._config.act_steps])
+            self._shift(self._config.act_steps)
+        return self._left.pop(0)
+
+    def plan(self, state: SimulationState) -> np.ndarray:
+        """The best action sequence found, (H, A), from an instant with B = 1."""
+        config = self._config
+        mean, std = self._mean, np.full(self._mean.shape, config.start_std)
+        best, best_value = mean, -np.inf
+        for iteration in range(config.iterations):
+            candidates = self._candidates(mean, std, last=iteration == config.iterations - 1)
+            values = self._values(state, candidates)
+            order = np.argsort(-values, kind="stable")[: config.elites]
+            elites = candidates[order]
+            if values[order[0]] > best_value:
+                best, best_value = elites[0], values[order[0]]
+            mean = config.momentum * mean + (1 - config.momentum) * elites.mean(axis=0)
+            std = config.momentum * std + (1 - config.momentum) * elites.std(axis=0)
+            std = np.maximum(std, config.least_std)
+            self._kept = elites[: config.kept_elites]
+        self._mean = mean
+        return best
+
+    def _candidates(self, mean: np.ndarray, std: np.ndarray, last: bool) -> np.ndarray:
+        """(N, H, A): noise about the mean, the kept sequences, and in the last iteration the mean itself."""
+        config = self._config
+        shape = (config.samples, self._size, config.horizon_steps)
+        noise = coloured_noise(shape, config.noise_exponent, self._rng).swapaxes(1, 2)
+        candidates = np.clip(mean + std * noise, -1.0, 1.0)
+        candidates[: len(self._kept)] = self._kept
+        if last:
+            candidates[-1] = mean
+        return candidates
+
+    def _values(self, state: SimulationState, actions: np.ndarray) -> np.ndarray:
+        """(N,) discounted rewards of action sequences (N, H, A) from a state."""
+        self._simulation.spread(state)
+        snapshots = self._simulation.rollout(self._scale.to_targets(actions))
+        weights = self._config.discount ** np.arange(actions.shape[1])
+        return np.asarray(weights @ np.stack([self._reward(snapshot) for snapshot in snapshots]))
+
+    def _reward(self, snapshot: Snapshot) -> np.ndarray:
+        """(N,) dense rewards."""
+        flags = self._task.flags(snapshot, self._goal)
+        terms = self._task.reward_terms(snapshot, self._goal, flags)
+        total = np.zeros(len(snapshot.time_s))
+        for name, weight in self._task.reward_weights.items():
+            total += weight * terms[name]
+        return total
+
+    def _shift(self, steps: int) -> None:
+        """The plan goes on from the next instant; its last action is repeated."""
+        self._mean = _shifted(self._mean[None], steps)[0]
+        self._kept = _shifted(self._kept, steps)
+
+
+def _shifted(plans: np.ndarray, steps: int) -> np.ndarray:
+    """Plans (N, H, A) without their first steps, the last one repeated."""
+    last = np.repeat(plans[:, -1:], steps, axis=1)
+    return np.concatenate((plans[:, steps:], last), axis=1)
+
+
+def coloured_noise(shape: tuple[int, ...], exponent: float, rng: np.random.Generator) -> np.ndarray:
+    """Gaussian noise of unit variance whose power along the last axis falls with frequency as 1 / f**exponent.
+
+    Args:
+        shape: the last axis is time.
+        exponent: 0 gives white noise; the greater, the smoother.
+        rng: draws it.
+    """
+    steps = shape[-1]
+    frequencies = np.fft.rfftfreq(steps)
+    frequencies[0] = 1.0 / steps
+    amplitude = frequencies ** (-exponent / 2)
+    # the first and, of an even number, the last coefficient of real signals are real
+    real = rng.standard_normal((*shape[:-1], len(frequencies)))
+    imaginary = rng.standard_normal((*shape[:-1], len(frequencies)))
+    imaginary[..., 0] = 0.0
+    real[..., 0] *= np.sqrt(2.0)
+    if steps % 2 == 0:
+        imaginary[..., -1] = 0.0
+        real[..., -1] *= np.sqrt(2.0)
+    noise = np.fft.irfft((real + 1j * imaginary) * amplitude, n=steps, axis=-1)
+    variance = (2 * amplitude[0] ** 2 + 4 * (amplitude[1 : (steps + 1) // 2] ** 2).sum()) / steps**2
+    if steps % 2 == 0:
+        variance += 2 * amplitude[-1] ** 2 / steps**2
+    return np.asarray(noise / np.sqrt(variance))
