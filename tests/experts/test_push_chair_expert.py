@@ -9,7 +9,7 @@ from artiskill.experts.push_chair import Phase, PushChairExpert
 from artiskill.experts.push_chair_plan import LEFT, RIGHT, make_plan
 from artiskill.tasks.push_chair.posts import grip_points
 
-SWIVEL, SLED, CANTILEVER = "chair-0001", "chair-0040", "chair-0037"
+SWIVEL, SLED, CANTILEVER = "chair-0001", "chair-0039", "chair-0037"
 CHAIRS = list_objects("chair") + list_objects("chair", "ood")
 
 

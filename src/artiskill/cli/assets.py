@@ -2,15 +2,17 @@
 
 from typing import Any
 
-from artiskill.cli import assets_check, assets_export, assets_gallery
+from artiskill.cli import assets_check, assets_export, assets_gallery, assets_solve
 
-SUBCOMMANDS = (assets_check, assets_export, assets_gallery)
+SUBCOMMANDS = (assets_check, assets_export, assets_gallery, assets_solve)
 
 
 def add_command(commands: Any) -> None:
     """Describe the command and its sub-commands."""
     parser = commands.add_parser(
-        "assets", help="verify, export and browse objects", description="Verify, export and browse objects."
+        "assets",
+        help="verify, solve, export and browse objects",
+        description="Verify, solve, export and browse objects.",
     )
     subcommands = parser.add_subparsers(metavar="SUBCOMMAND", required=True)
     for subcommand in SUBCOMMANDS:

@@ -1,0 +1,95 @@
+"""The planner: its noise, its determinism, and that it improves on doing nothing; solving levels is slow."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.errors import ConfigError
+from artiskill.experts.mpc import Planner, coloured_noise, load_mpc_config
+from artiskill.experts.solve import solve_level
+
+SMALL = {"samples": 12, "elites": 4, "iterations": 2, "horizon_steps": 5, "kept_elites": 2}
+TASK, OBJECT = "OpenCabinetDrawer", "cabinet-0003"
+
+
+def planner(env: ManipulationEnv, seed: int = 0, num_threads: int = 1, **changes: Any) -> Planner:
+    config = load_mpc_config(SMALL | changes)
+    rng = np.random.default_rng(seed)
+    return Planner(env.task, env.scene, env.goal, env.control.joint_scale, config, rng, num_threads)
+
+
+@pytest.mark.parametrize("steps", [7, 12])
+@pytest.mark.parametrize("exponent", [0.0, 2.5])
+def test_noise_has_unit_variance_and_the_asked_smoothness(steps: int, exponent: float) -> None:
+    noise = coloured_noise((20_000, steps), exponent, np.random.default_rng(0))
+    np.testing.assert_allclose(noise.var(axis=0), 1.0, atol=0.05)
+    neighbours = np.corrcoef(noise[:, 2], noise[:, 3])[0, 1]
+    assert neighbours > 0.4 if exponent else abs(neighbours) < 0.05
+
+
+def test_a_plan_depends_on_state_and_generator_alone() -> None:
+    env = ManipulationEnv(TASK, objects=OBJECT)
+    env.reset(seed=0)
+    state = env.save_state().simulation
+    plans = [planner(env, num_threads=threads).plan(state) for threads in (1, 2)]
+    np.testing.assert_array_equal(*plans)
+    assert plans[0].shape == (5, 13)
+    assert np.abs(plans[0]).max() <= 1
+    assert not np.array_equal(plans[0], planner(env, seed=1).plan(state))
+    np.testing.assert_array_equal(env.save_state().simulation.rows, state.rows)
+
+
+def test_a_plan_earns_more_than_standing_still() -> None:
+    env = ManipulationEnv(TASK, objects=OBJECT)
+    env.reset(seed=0)
+    before = env.save_state()
+    plan = planner(env, samples=32, iterations=3).plan(before.simulation)
+    planned = sum(float(env.step(action)[1]) for action in plan)
+    env.restore_state(before)
+    still = sum(float(env.step(np.zeros(13))[1]) for _ in plan)
+    assert planned > still + 0.1
+
+
+def test_actions_come_from_one_plan_until_it_is_used_up() -> None:
+    env = ManipulationEnv(TASK, objects=OBJECT)
+    env.reset(seed=0)
+    state = env.save_state().simulation
+    plan = planner(env, act_steps=3).plan(state)
+    acting = planner(env, act_steps=3)
+    np.testing.assert_array_equal([acting.act(state) for _ in range(3)], plan[:3])
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"elites": 13}, "elites"),
+        ({"act_steps": 6}, "act_steps"),
+        ({"momentum": 1.0}, "momentum"),
+        ({"sampels": 3}, "samples"),
+    ],
+)
+def test_illegal_values(changes: dict[str, Any], says: str) -> None:
+    with pytest.raises(ConfigError, match=says):
+        load_mpc_config(SMALL | changes)
+
+
+def test_only_joint_control() -> None:
+    env = ManipulationEnv(TASK, objects=OBJECT, control_mode="operational_space")
+    with pytest.raises(ConfigError, match="operational_space"):
+        solve_level(env, 0, load_mpc_config(SMALL))
+
+
+def test_an_attempt_can_be_repeated_from_its_actions() -> None:
+    env = ManipulationEnv(TASK, objects=OBJECT, config={"episode_steps": 4})
+    attempt = solve_level(env, 3, load_mpc_config(SMALL), num_threads=2)
+    assert (attempt.steps, attempt.solved, attempt.level) == (4, False, 3)
+    env.reset(seed=3)
+    assert attempt.reward == pytest.approx(sum(float(env.step(action)[1]) for action in attempt.actions), abs=0)
+
+
+@pytest.mark.slow
+def test_it_opens_a_drawer_from_the_reward_alone() -> None:
+    env = ManipulationEnv(TASK, objects=OBJECT)
+    assert solve_level(env, 0, load_mpc_config(), num_threads=2).solved
