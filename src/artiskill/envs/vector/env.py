@@ -12,7 +12,6 @@ from artiskill.envs.casting import Casting, ObjectChoice
 from artiskill.envs.control import JOINT, Control
 from artiskill.envs.modes import OBSERVERS, RENDER_MODES, check_modes
 from artiskill.envs.observation import Observer, empty_observation
-from artiskill.envs.rendering import Viewpoint, WorldView
 from artiskill.envs.state import EnvState
 from artiskill.envs.vector.episodes import Episodes
 from artiskill.envs.vector.info import only, stacked, with_masks
@@ -33,6 +32,7 @@ from artiskill.envs.vector.options import (
     thread_count,
 )
 from artiskill.envs.vector.state import restore_env, save_env
+from artiskill.envs.vector.views import WorldViews
 from artiskill.errors import ConfigError, ResetNeededError
 from artiskill.robots.actions import check_actions
 from artiskill.tasks.levels import check_level
@@ -66,8 +66,7 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             `disabled` (call `reset(options={"reset_mask": done})`).
 
     Raises:
-        UnknownNameError: as `ManipulationEnv`.
-        ConfigError: as `ManipulationEnv`; fewer than one environment or thread.
+        UnknownNameError, ConfigError: as `ManipulationEnv`; also fewer than one environment or thread.
     """
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 20}  # noqa: RUF012 - as in Gymnasium
@@ -101,8 +100,8 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         self.single_action_space = self.control.space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._episodes = Episodes(self.task, castings * (num_envs // len(castings)), self.num_threads)
-        self._done = np.zeros(num_envs, dtype=bool)
-        self._views: dict[int, WorldView] = {}
+        self._done, self._all = np.zeros(num_envs, dtype=bool), np.ones(num_envs, dtype=bool)
+        self._views = WorldViews(self._episodes)
         if obs_mode == "state":
             self._look_with(VectorStateObserver(self.task))
         else:
@@ -154,8 +153,7 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             ResetNeededError: called before the first `reset`, or, without automatic resets, with an episode over.
         """
         actions = check_actions(actions, self.num_envs, self.control.size)
-        if not self._episodes.begun:
-            raise ResetNeededError("call reset() before step()")
+        self._check_begun("step()")
         resting = self._done
         if self._autoreset is AutoresetMode.DISABLED and resting.any():
             over = np.flatnonzero(resting).tolist()
@@ -197,7 +195,11 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
     def _restart(self, over: np.ndarray) -> None:
         envs = np.flatnonzero(over).tolist()
         nothing = [None] * len(envs)
-        self._start(envs, [self._episodes.next_level(env) for env in envs], nothing, nothing)
+        self._start(envs, list(map(self._episodes.next_level, envs)), nothing, nothing)
+
+    def _check_begun(self, what: str) -> None:
+        if not self._episodes.begun:
+            raise ResetNeededError(f"call reset() before {what}")
 
     def _level(self, env: int, seed: int | None, chosen: int | None) -> int:
         """The level of a reset: what the options say, else the seed, else the next one."""
@@ -214,7 +216,7 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
 
     def _enter(self, env: int) -> None:
         self._observer.enter(env, self._episodes.fleet.scene_of(env), self._episodes.targets[env])
-        self._views.pop(env, None)
+        self._views.forget(env)
 
     # -- observations --------------------------------------------------------------------------------------------
 
@@ -261,18 +263,13 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         """
         if self.render_mode is None:
             raise ConfigError("this environment was made without a render mode; pass render_mode='rgb_array'")
-        if not self._episodes.begun:
-            raise ResetNeededError("call reset() before render()")
-        fleet = self._episodes.fleet
-        for env in set(range(self.num_envs)) - self._views.keys():
-            self._views[env] = WorldView(fleet.scene_of(env), Viewpoint().camera(self.task.world_camera))
-        seen = ((self._views[env], fleet.squad_of(env), int(fleet.slot[env])) for env in range(self.num_envs))
-        return tuple(view.draw(squad.snapshot, slot) for view, squad, slot in seen)
+        self._check_begun("render()")
+        return self._views.draw()
 
     # -- single environments -------------------------------------------------------------------------------------
 
     def save_state(self, env: int) -> EnvState:
-        """The instant of one environment; a `ManipulationEnv` takes it too."""
+        """The instant of one environment, as a `ManipulationEnv` has it."""
         return save_env(self._episodes, env)
 
     def restore_state(self, env: int, state: EnvState) -> None:
