@@ -173,7 +173,7 @@ def test_illegal_input_is_refused_and_changes_nothing() -> None:
     for actions, says in (
         (np.zeros((3, 13)), r"\(2, 13\)"),
         (np.full((2, 13), np.nan), r"environments \[0, 1\]"),
-        ("left", "array"),
+        ("left", "shape"),
     ):
         with pytest.raises(ActionError, match=says):
             env.step(actions)

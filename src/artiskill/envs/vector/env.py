@@ -50,14 +50,7 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
 
     Args:
         num_envs: B.
-        task: as in `ManipulationEnv`, as all up to `config`.
-        objects: what the levels draw from.
-        target: a fixed target link.
-        obs_mode: `state`, `pointcloud` or `rgbd`.
-        reward_mode: `dense` or `sparse`.
-        control_mode: `joint` or `operational_space`.
-        render_mode: None or `rgb_array`.
-        config: values of the task's YAML to change.
+        task, objects, target, obs_mode, reward_mode, control_mode, render_mode, config: as of `ManipulationEnv`.
         env_objects: what each environment draws from, if not all from the same: B choices.
         num_threads: threads that step and draw; None for one per core, but no more than B.
         copy: whether observations are the caller's to keep. Else each call writes into the same arrays.
