@@ -25,7 +25,7 @@ OUT = IMAGES / "drawers.gif"
 STRIPS = {
     "OpenCabinetDrawer": ("cabinet-0005", 1),
     "OpenCabinetDoor": ("cabinet-0056", 0),
-    "PushChair": ("chair-0006", 4),
+    "PushChair": ("chair-0029", 4),
     "MoveBucket": ("bucket-0004", 5),
 }
 STRIP_FRAMES, STRIP_SIZE = 4, (360, 270)

@@ -134,6 +134,13 @@ def test_content_hash_is_the_same_in_another_process() -> None:
     assert len(hashes.pop()) == 16
 
 
+def test_springs_are_plain_numbers() -> None:
+    """A NumPy number cannot be written as JSON."""
+    joints = [joint for seed in range(12) for joint in make(seed, held_out=True)[1].joints if joint.stiffness > 0]
+    assert joints, "top-hung flaps are held by springs"
+    assert {type(value) for joint in joints for value in (joint.stiffness, joint.spring_reference)} == {float}
+
+
 def test_nothing_overlaps_within_joint_limits(cabinet: tuple[CabinetSpec, ArticulatedObject]) -> None:
     assert overlaps(cabinet[1]) == []
 

@@ -10,6 +10,7 @@ import pytest
 
 from artiskill.assets.articulated_object import Category
 from artiskill.assets.catalog import list_objects, load_object, resolve_objects
+from artiskill.assets.draws import form_and_detail
 from artiskill.assets.entries import CATALOG_DIR, CATEGORIES, SPLITS, read_catalog
 from artiskill.assets.needs import TASK_NEEDS, task_needs
 from artiskill.errors import ArtiSkillError, AssetError, UnknownNameError
@@ -105,6 +106,37 @@ def test_generated_ids_round_trip() -> None:
     assert obj.content_hash != load_object("generated:13").content_hash
     for category in CATEGORIES:
         assert load_object(f"generated:{category}:3").category == category
+
+
+@pytest.mark.parametrize("category", CATEGORIES)
+def test_generated_objects_are_not_those_of_the_catalogue(category: Category) -> None:
+    listed = {entry.content_hash for _, entry in read_catalog().values()}
+    seeds = [*range(40), *(entry.seed for kind, entry in read_catalog().values() if kind == category)]
+    fresh = {load_object(f"generated:{category}:{seed}").content_hash for seed in seeds}
+    assert len(fresh) == len(set(seeds))
+    assert not fresh & listed
+
+
+def test_streams_of_fresh_and_listed_objects_differ() -> None:
+    draws = {
+        tuple(rng.integers(2**62, size=2))
+        for fresh in (False, True)
+        for seed in range(50)
+        for rng in form_and_detail(seed, fresh)
+    }
+    assert len(draws) == 2 * 2 * 50
+
+
+def test_generated_without_task_and_category_is_a_cabinet() -> None:
+    assert load_object("generated:7") is load_object("generated:cabinet:7")
+    assert resolve_objects("generated:7") == ("generated-cabinet-7",)
+
+
+def test_training_and_test_chairs_have_headrests_and_nets() -> None:
+    for split in ("train", "test"):
+        chairs = [load_object(name).metadata for name in list_objects("chair", split)]
+        assert sum("headrest" in chair["tags"] for chair in chairs) >= 2
+        assert sum(chair["back"] == "mesh" for chair in chairs) >= 2
 
 
 def test_a_task_says_which_category_is_generated() -> None:
@@ -255,6 +287,9 @@ def test_empty_double_and_nonsense_are_refused() -> None:
         resolve_objects([])
     with pytest.raises(AssetError, match="cabinet-0001 more than once"):
         resolve_objects(["cabinet-0001", "cabinet-0001"])
+    for unordered in ({"cabinet-0001"}, frozenset(("cabinet-0001", "cabinet-0002"))):
+        with pytest.raises(AssetError, match=r"a set has another one in another process. Pass sorted\(objects\)"):
+            resolve_objects(unordered)  # type: ignore[arg-type]
     for nonsense in (3, None, [3], [None], 2.5, b"cabinet-0001", [["cabinet-0001"]]):
         with pytest.raises(AssetError, match=r"objects must be a split, an object's name, a path, .*, not "):
             resolve_objects(nonsense)  # type: ignore[arg-type]
@@ -284,6 +319,15 @@ def test_a_folder_beside_a_file_in_the_working_directory(
     assert [Path(str(path)) for path in importer] == [Path("mine")]
 
 
+def test_a_folder_is_no_split_file(importer: list[object], tmp_path: Path) -> None:
+    folder = tmp_path / "x.yaml"
+    folder.mkdir()
+    with pytest.raises(AssetError, match=r"x.yaml' is a folder; write '.*x.yaml/' to mean an object in it"):
+        resolve_objects(str(folder))
+    resolve_objects(f"{folder}/")
+    assert importer == [folder]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -291,7 +335,14 @@ def test_a_folder_beside_a_file_in_the_working_directory(
         ("objects: []", "lists no object under `objects`"),
         ("objects: [other.yml]", "lists another split file: 'other.yml'"),
         ("object: [cabinet-0001]", "object.*did you mean 'objects'"),
-        ("objects: 3", "objects"),
+        ("objects: 3", "`objects` must be a list of names, not 3; for example `objects: .cabinet-0001.`"),
+        (
+            "objects: bucket-0001",
+            "must be a list of names, not 'bucket-0001'; for example `objects: .bucket-0001.`",
+        ),
+        ("objects: {a: b}", "`objects` must be a list of names, not {'a': 'b'}"),
+        ("objects:", "`objects` must be a list of names, not None"),
+        ("objects: [3]", "objects.*3"),
         ("objects: [cabinet-01]", "unknown object 'cabinet-01'"),
     ],
 )

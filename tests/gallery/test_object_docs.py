@@ -28,8 +28,11 @@ def test_examples_run_and_the_own_object_passes_the_checks(
     page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    first, second, third = blocks(page, "python")
+    first, choosing, second, third = blocks(page, "python")
     exec(compile(first, "docs/objects.md", "exec"), {})
+    chosen: dict[str, list[str]] = {}
+    exec(compile(choosing, "docs/objects.md", "exec"), chosen)
+    assert 0 < len(resolve_objects(chosen["chosen"], "MoveBucket")) < 40
     names: dict[str, object] = {}
     exec(compile(second, "docs/objects.md", "exec"), names)
     mine = names["mine"]

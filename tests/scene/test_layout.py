@@ -36,7 +36,7 @@ def test_objects_of_a_category_share_few_layouts() -> None:
 
 @pytest.mark.slow
 def test_all_of_the_catalogue_fits() -> None:
-    for category, most in (("cabinet", 3), ("chair", 16), ("bucket", 0)):
+    for category, most in (("cabinet", 3), ("chair", 19), ("bucket", 0)):
         ids = [*list_objects(category=category, split="all"), *list_objects(category=category, split="ood")]
         counts = Counter(scene_of(object_id).layout for object_id in ids)
         assert len(counts) <= len(category_layouts(category))

@@ -1,7 +1,7 @@
 """Which objects there are, and how a name becomes an `ArticulatedObject`.
 
 The catalogue's entries stand in `assets.entries`. Beside them, `generated:<category>:<seed>` is a fresh object,
-`partnet:<id>` or a path an imported one.
+`partnet:<id>` or a path an imported one. Fresh ones are drawn from streams of their own: none is in the catalogue.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -84,12 +84,17 @@ def resolve_objects(
 
     Raises:
         UnknownNameError: a name that is none of these.
-        AssetError: none of the legal types, an empty sequence or name, an object named twice, of another category
-            than the task's or without a target, or an unusable PartNet folder or split file.
+        AssetError: none of the legal types, a set, an empty sequence or name, an object named twice, of another
+            category than the task's or without a target, or an unusable PartNet folder or split file.
     """
     needs = None if task is None else task_needs(task)
     if isinstance(objects, _Given):
         objects = (objects,)
+    elif isinstance(objects, set | frozenset):
+        raise AssetError(
+            "objects must have an order, for a level draws from it; a set has another one in another process. "
+            "Pass sorted(objects), or a list"
+        )
     elif not isinstance(objects, Iterable) or isinstance(objects, bytes):
         raise _not_an_object(objects)
     resolved = [one for item in objects for one in _resolve_item(item, needs)]
@@ -168,7 +173,7 @@ def _load(name: object, needs: Needs | None, splits: tuple[str, ...]) -> Articul
 def _generate_one(name: str, category: Category, seeds: range) -> ArticulatedObject:
     if len(seeds) != 1:
         raise AssetError(f"{name!r} names {len(seeds)} objects, not one")
-    return generate(category, seeds[0], generated_id(category, seeds[0]))
+    return generate(category, seeds[0], generated_id(category, seeds[0]), fresh=True)
 
 
 def _not_an_object(given: object) -> AssetError:

@@ -47,7 +47,7 @@ class Selection:
     def object(self, key: _Key) -> ArticulatedObject:
         """The object of a seed."""
         seed, held_out = key
-        return generate(self.category, seed, f"generated-{self.category}-{seed}", held_out)
+        return generate(self.category, seed, f"candidate-{self.category}-{seed}", held_out)
 
     def find(self, counts: Mapping[Any, int], kind: _Kind, held_out: bool = False) -> list[_Key]:
         """Walk the seeds until every kind of object has been met as often as wanted.

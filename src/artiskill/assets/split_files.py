@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from artiskill.assets.names import is_path, is_split_file
-from artiskill.config import load_config
+from artiskill.config import from_mapping, load_yaml
 from artiskill.errors import AssetError
 
 
@@ -26,12 +26,22 @@ def read_split_file(path: Path) -> tuple[str, ...]:
     """The names that a split file lists.
 
     Raises:
-        AssetError: there is no such file, or it lists nothing or another split file.
+        AssetError: there is no such file, or it lists nothing, no list, or another split file.
         ConfigError: it has another form.
     """
+    if path.is_dir():
+        raise AssetError(f"split file {str(path)!r} is a folder; write {f'{path}/'!r} to mean an object in it")
     if not path.is_file():
         raise AssetError(f"split file {str(path)!r} does not exist; it holds YAML, `objects: [names]`")
-    names = load_config(SplitFile, path).objects
+    data = load_yaml(path)
+    given = data.get("objects", [])
+    if not isinstance(given, list):
+        example = given if isinstance(given, str) else "cabinet-0001"
+        raise AssetError(
+            f"split file {str(path)!r}: `objects` must be a list of names, not {given!r}; for example "
+            f"`objects: [{example}]`"
+        )
+    names = from_mapping(SplitFile, data, path.name).objects
     if not names:
         raise AssetError(f"split file {str(path)!r} lists no object under `objects`")
     nested = [name for name in names if is_split_file(name)]

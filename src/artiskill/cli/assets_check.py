@@ -8,7 +8,7 @@ EXIT_FAULTS = 1
 
 _EPILOG = """examples:
   artiskill assets check                         the whole catalogue
-  artiskill assets check cabinet-0005 generated:7
+  artiskill assets check cabinet-0005 generated:cabinet:7
   artiskill assets check ./partnet/40147 --json faults.json
   artiskill assets check test --set settle.drift_m=0.001
 

@@ -8,7 +8,7 @@ _EPILOG = """examples:
   artiskill render --task OpenCabinetDrawer --object cabinet-0023 --level 3 --out look.png
   artiskill render --task OpenCabinetDrawer --object cabinet-0023 --view all --step 60 --out sheet.png
   artiskill render --task OpenCabinetDrawer --object cabinet-0023 --view cloud --azimuth 180 --out episode.gif
-  artiskill render --object generated:7 --open 0.8 --out cabinet.png
+  artiskill render --object generated:cabinet:7 --open 0.8 --out cabinet.png
 
 Without --task it is a picture of the object alone, its joints at a share of their ranges; a moving one opens and
 closes them. docs/pictures.md says more."""
@@ -28,7 +28,7 @@ def add_command(commands: Any) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help=".png, .jpg, .gif, .webp or .mp4")
-    parser.add_argument("--object", required=True, help="an id, generated:<seed>, partnet:<id> or a path")
+    parser.add_argument("--object", required=True, help="an id, generated:<category>:<seed>, partnet:<id>, a path")
     parser.add_argument("--width", type=int, help="pixels (default: 640)")
     parser.add_argument("--height", type=int, help="pixels (default: 480)")
     parser.add_argument("--azimuth", type=float, metavar="DEG", help="where the camera stands, from +x on")

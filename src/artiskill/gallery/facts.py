@@ -100,7 +100,7 @@ def _joint_facts(joint: Joint, link: str) -> JointFacts:
     extent: float | None = None
     if math.isfinite(upper - lower):
         extent = round(upper - lower if joint.kind == "prismatic" else math.degrees(upper - lower), _DIGITS)
-    return JointFacts(joint.name, link, joint.kind, extent, joint.stiffness > 0)
+    return JointFacts(joint.name, link, joint.kind, extent, bool(joint.stiffness > 0))
 
 
 def _text(value: Any) -> str:

@@ -2,10 +2,6 @@
 
 import hashlib
 import json
-import os
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
@@ -13,6 +9,7 @@ import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.gallery.config import GalleryConfig
+from artiskill.jobs.whole_files import whole_file
 from artiskill.sensors.object_picture import ObjectView
 from artiskill.sensors.render_config import load_render_config
 
@@ -63,17 +60,3 @@ def read_frame(path: Path, step: int, view: int, config: GalleryConfig) -> np.nd
         pixels = np.asarray(image.convert("RGB"))
     rows = slice(view * config.height, (view + 1) * config.height)
     return pixels[rows, column * config.width : (column + 1) * config.width]
-
-
-@contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
-    """A temporary name beside a path; what is written there gets the path's name at the end, if all went well."""
-    handle, name = tempfile.mkstemp(prefix=".", suffix=path.suffix, dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        yield temporary
-        temporary.chmod(0o644)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)

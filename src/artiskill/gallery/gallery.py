@@ -14,12 +14,12 @@ from artiskill import __version__
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object, object_id_of
 from artiskill.errors import ConfigError
-from artiskill.evaluation.parallel import run_jobs
 from artiskill.gallery.config import GalleryConfig, load_gallery_config
 from artiskill.gallery.facts import ObjectFacts, object_facts
 from artiskill.gallery.frames import draw_frames, frames_name, write_frames
 from artiskill.gallery.page import PICTURES, write_page
 from artiskill.gallery.sheets import write_sheets
+from artiskill.jobs.parallel import run_jobs
 
 MARKER = "gallery.json"  # stands in every folder that a gallery was begun in
 SHEETS = "sheets"

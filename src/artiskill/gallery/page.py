@@ -10,7 +10,7 @@ from artiskill.assets.entries import CATEGORIES
 from artiskill.gallery.charts import category_chart
 from artiskill.gallery.config import GalleryConfig
 from artiskill.gallery.facts import ObjectFacts
-from artiskill.gallery.frames import whole_file
+from artiskill.jobs.whole_files import whole_file
 
 PICTURES = "objects"
 PAGE, DATA, ASSETS = "index.html", "objects.js", ("gallery.css", "gallery.js")

@@ -8,7 +8,8 @@ import numpy as np
 
 from artiskill.gallery.config import GalleryConfig
 from artiskill.gallery.facts import ObjectFacts
-from artiskill.gallery.frames import read_frame, whole_file
+from artiskill.gallery.frames import read_frame
+from artiskill.jobs.whole_files import whole_file
 
 _BACKGROUND, _INK = (250, 250, 248), (40, 42, 46)
 _LABEL_SHARE, _GAP = 0.13, 6  # height of a label's line, of the picture's width; pixels between pictures

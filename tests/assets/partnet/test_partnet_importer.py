@@ -1,5 +1,7 @@
 """The importer on a toy cabinet of known dimensions."""
 
+import json
+
 import mujoco
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from artiskill.assets.partnet import import_partnet
 from artiskill.assets.partnet.importer import default_scale
 from artiskill.assets.partnet.overlaps import shape_hull
 from artiskill.errors import AssetError, MissingExtraError
+from artiskill.gallery.facts import object_mass_kg
 from artiskill.geometry.hulls import depth_inside
 from artiskill.geometry.rotations import quat_rotate
 
@@ -130,6 +133,32 @@ def test_default_scale_is_documented_and_bounded():
 def test_bad_scale(toy, load, scale):
     with pytest.raises(AssetError, match="scale must be a positive number"):
         load(toy, scale=scale)
+
+
+@pytest.mark.parametrize("scale", [100.0, 5.0, 0.03])
+def test_absurd_sizes_are_refused(toy, load, scale):
+    with pytest.raises(
+        AssetError, match=r"at a scale of .* it measures .* m; legal: 0.05 to 5 m\. The scale stands in meta.json"
+    ):
+        load(toy, scale=scale)
+
+
+def test_an_absurd_scale_in_meta_json_is_refused(toy, load):
+    folder = toy.write()
+    meta = json.loads((folder / "meta.json").read_text())
+    (folder / "meta.json").write_text(json.dumps(meta | {"artiskill": {"scale": 100.0}}))
+    with pytest.raises(AssetError, match="at a scale of 100 metres per unit of the file it measures"):
+        import_partnet(folder)
+
+
+def test_measures_have_the_names_that_generated_objects_give_them(obj):
+    meta = obj.metadata
+    np.testing.assert_allclose(
+        (meta["depth_m"], meta["width_m"], meta["height_m"]), np.ptp(obj.bounds, axis=0), atol=1e-4
+    )
+    assert meta["joints"] == 2
+    assert meta["handles"] == ["bar"]
+    assert meta["mass_kg"] == pytest.approx(object_mass_kg(obj), abs=1e-3)
 
 
 def test_path_of_another_type():

@@ -79,7 +79,7 @@ def _add_moving(
 
 def _closed_by_spring(joint: Joint, density_kg_m3: float, shapes: Sequence[CollisionShape]) -> Joint:
     """A flap hung at its top, its hinges before its face, would hang open; a spring holds it shut."""
-    swings_open_n_m = _GRAVITY_M_S2 * density_kg_m3 * first_moment_m4(shapes)[0]
+    swings_open_n_m = float(_GRAVITY_M_S2 * density_kg_m3 * first_moment_m4(shapes)[0])
     if swings_open_n_m <= 0:
         return joint
     moment = _SPRING_SURPLUS * swings_open_n_m

@@ -146,7 +146,8 @@ class ChairConfig:
         families: kinds of chairs.
         seats, backs: by kind, sizes.
         hard_seat_m: thickness of a seat that is a board or a shell.
-        height_m: from the ground to the top of a chair with a back, headrest included.
+        height_m: from the ground to the top of a chair with a back.
+        headrest_height_m: of one with a headrest, which is included.
         stool_height_m: of one without.
         base_radius_m: from the column to a caster's stem.
         caster_diameter_m: of the wheels.
@@ -170,6 +171,7 @@ class ChairConfig:
     hard_seat_m: Range
     backs: dict[str, BackConfig]
     height_m: Range
+    headrest_height_m: Range
     stool_height_m: Range
     base_radius_m: Range
     caster_diameter_m: Range

@@ -12,6 +12,7 @@ from artiskill.assets.chairs.sample_lower import draw_base, draw_casters, draw_c
 from artiskill.assets.chairs.sample_upper import draw_arms, draw_back, draw_seat
 from artiskill.assets.chairs.spec import Arms, Back, Base, Casters, ChairSpec, Column, Masses, Mechanism, Seat
 from artiskill.assets.draws import chance, pick, within
+from artiskill.assets.ranges import Range
 from artiskill.errors import AssetError
 
 MAX_DRAWS = 500
@@ -48,10 +49,16 @@ def sample_chair(rng: np.random.Generator, config: ChairConfig, held_out: bool =
 
 
 def _is_legal(spec: ChairSpec, config: ChairConfig) -> bool:
-    low, high = config.stool_height_m if spec.back.kind == "none" else config.height_m
+    low, high = _height_limits(spec.back, config)
     if not (low <= spec.top_m <= high and config.mass_kg[0] <= spec.mass_kg <= config.mass_kg[1]):
         return False
     return _arms_fit(spec) and (spec.column is None or _column_fits(spec))
+
+
+def _height_limits(back: Back, config: ChairConfig) -> Range:
+    if back.kind == "none":
+        return config.stool_height_m
+    return config.height_m if back.headrest is None else config.headrest_height_m
 
 
 def _column_fits(spec: ChairSpec) -> bool:

@@ -34,9 +34,9 @@ from artiskill.assets.partnet.folder import URDF_NAME, find_partnet_folder, open
 from artiskill.assets.partnet.hull_cache import default_cache_dir
 from artiskill.assets.partnet.links import Source, build_links
 from artiskill.assets.partnet.own_frame import read_own_frame
-from artiskill.assets.partnet.placing import default_scale, find_placement
+from artiskill.assets.partnet.placing import check_size, default_scale, find_placement
 from artiskill.assets.partnet.preview import moving_links
-from artiskill.assets.partnet.remarks import find_remarks, part_names
+from artiskill.assets.partnet.remarks import find_remarks, measures, part_names
 from artiskill.assets.partnet.semantics import read_category, read_part_names
 from artiskill.assets.partnet.urdf import read_urdf
 from artiskill.errors import AssetError
@@ -65,7 +65,7 @@ def import_partnet(
 
     Raises:
         AssetError: the folder or a file in it is missing or not as it must be; the message names it. Or the object
-            does not meet `needs`.
+            is absurdly small or large, or does not meet `needs`.
         MissingExtraError: coacd is not installed.
     """
     import_coacd()
@@ -104,6 +104,8 @@ def _import_folder(
     standing = body_poses(bodies, [joint.standing if joint else 0.0 for joint in rest])
     world = np.concatenate([transform(pose, p) for pose, p in zip(standing, points, strict=True)])
     place = find_placement(category, world, own_frame, scale)
+    bounds = np.stack((place.apply(world.min(axis=0)), place.apply(world.max(axis=0))))
+    check_size(np.ptp(bounds, axis=0), place.scale, name)
     poses = body_poses(bodies, [joint.value if joint else 0.0 for joint in rest])
     links, grips = build_links(Source(category, bodies, drawn, rest, poses), place, cache_dir, warnings)
     handles = tuple(grip.handle for grip in grips)
@@ -113,12 +115,13 @@ def _import_folder(
         category=category,
         links=links,
         handles=handles,
-        bounds=np.stack((place.apply(world.min(axis=0)), place.apply(world.max(axis=0)))),
+        bounds=bounds,
         metadata={
             "source": "PartNet-Mobility",
             "partnet_id": name,
             "model_category": model_category,
             "scale": place.scale,
+            **measures(links, handles, bounds),
             "parts": part_names(drawn),
             "handle_gaps_m": tuple(grip.gap_m for grip in grips),
             "warnings": tuple(dict.fromkeys(warnings)),

@@ -5,13 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from artiskill.assets.articulated_object import Category
-from artiskill.assets.partnet.own_frame import OwnFrame
+from artiskill.assets.partnet.own_frame import KEY, OwnFrame
+from artiskill.errors import AssetError
 
 # Scales of the first release for chairs and buckets; its cabinets lie in this range.
 _FIXED_SCALE: dict[Category, float] = {"chair": 0.8, "bucket": 0.3}
 CABINET_SCALES = (0.28, 0.81)
 # Bedside tables and sideboards stand about 0.65 m high, chests of drawers and tall cabinets 0.9 m and more.
 WIDE_CABINET_HEIGHT_M, TALL_CABINET_HEIGHT_M = 0.65, 0.9
+# Cabinets, chairs and buckets, in metres: what is smaller or larger has been given a wrong scale.
+SMALLEST_M, LARGEST_M = 0.05, 5.0
 _FOOT_SHARE = 0.08  # of the height: what lies lower is the footprint
 _CIRCLE_STEPS, _CIRCLE_DIRECTIONS = 1000, 96
 
@@ -47,6 +50,20 @@ def find_placement(
         foot = np.append(middle, low[2])
     used = usual if scale is None else float(scale)
     return Placement(used, -used * foot)
+
+
+def check_size(size_m: np.ndarray, scale: float, name: str) -> None:
+    """Refuse an object whose largest extent (of x, y, z) is none that a cabinet, chair or bucket has.
+
+    Raises:
+        AssetError: with the size, the scale and where that is set.
+    """
+    largest_m = float(size_m.max())
+    if not SMALLEST_M <= largest_m <= LARGEST_M:
+        raise AssetError(
+            f"{name}: at a scale of {scale:g} metres per unit of the file it measures {largest_m:.3g} m; legal: "
+            f"{SMALLEST_M:g} to {LARGEST_M:g} m. The scale stands in meta.json (under {KEY!r}), or is an argument"
+        )
 
 
 def default_scale(category: Category, size: np.ndarray) -> float:

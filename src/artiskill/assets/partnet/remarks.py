@@ -1,12 +1,15 @@
-"""What a user should know about an imported object that is no error: `metadata["warnings"]`."""
+"""What a user should know about an imported object: its measures, and `metadata["warnings"]`."""
 
 from collections.abc import Sequence
+
+import numpy as np
 
 from artiskill.assets.articulated_object import Category, Handle, Link
 from artiskill.assets.partnet.drawn import DrawnMesh
 from artiskill.assets.partnet.overlaps import find_overlaps
 from artiskill.assets.partnet.part_names import WHEEL
 from artiskill.assets.partnet.semantics import UNKNOWN
+from artiskill.assets.volumes import shapes_volume_m3
 
 
 def part_names(drawn: Sequence[Sequence[DrawnMesh]]) -> dict[str, str]:
@@ -16,6 +19,20 @@ def part_names(drawn: Sequence[Sequence[DrawnMesh]]) -> dict[str, str]:
         for mesh in meshes:
             found.setdefault(mesh.label.name, set()).add(mesh.label.part)
     return {name: ", ".join(sorted(found[name])) for name in sorted(found)}
+
+
+def measures(links: Sequence[Link], handles: Sequence[Handle], bounds: np.ndarray) -> dict[str, object]:
+    """Size at rest, mass, number of joints, kinds of handles: under the same names as of generated objects."""
+    depth, width, height = (round(float(v), 4) for v in np.ptp(bounds, axis=0))
+    mass = sum(link.density_kg_m3 * shapes_volume_m3(link.collisions) for link in links)
+    return {
+        "width_m": width,
+        "depth_m": depth,
+        "height_m": height,
+        "mass_kg": round(float(mass), 3),
+        "joints": sum(link.joint is not None for link in links),
+        "handles": sorted({handle.kind for handle in handles}),
+    }
 
 
 def find_remarks(links: tuple[Link, ...], handles: tuple[Handle, ...], category: Category) -> list[str]:
