@@ -10,7 +10,7 @@ bootstrap = @$(PYTHON) tools/bootstrap.py --venv $(VENV)
 python = $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-dev demo test test-slow lint types format bench clean clean-env
+.PHONY: help setup setup-dev demo test test-slow test-rl lint types format bench clean clean-env
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
@@ -34,6 +34,12 @@ test-slow: ## run the tests that take minutes
 	$(bootstrap) test
 	$(python) -m pytest -n $(WORKERS) -m slow
 
+test-rl: VENV = .venv-rl
+test-rl: ## run the tests that need torch or Stable-Baselines3, in .venv-rl
+	$(bootstrap) test-rl
+	$(python) -m pytest tests/envs tests/tasks tests/evaluation -n $(WORKERS) -m "slow or not slow" \
+		-k "sb3 or torch or stable_baselines or example"
+
 lint: ## check style and layout
 	$(bootstrap) dev
 	$(python) -m ruff check .
@@ -56,5 +62,5 @@ clean: ## remove results and caches
 	rm -rf results build dist .pytest_cache .mypy_cache .ruff_cache
 	find src tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
 
-clean-env: ## remove the environment too
-	rm -rf $(VENV)
+clean-env: ## remove the environments too
+	rm -rf $(VENV) .venv-rl

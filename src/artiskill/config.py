@@ -7,6 +7,7 @@ holds values only; which keys exist, their types and their meaning stand in the 
 import dataclasses
 import difflib
 import math
+import re
 import types
 import typing
 from collections.abc import Mapping, Sequence
@@ -52,20 +53,11 @@ def from_mapping(cls: type[T], data: Mapping[str, Any], source: str = "config") 
         ConfigError: an unknown key (the nearest legal one is named), a missing key, a wrong type, or whatever
             the dataclasses' own checks find.
     """
-    fitted = _fit_dataclass(cls, data, source)
     try:
-        return dacite.from_dict(cls, fitted)
-    except dacite.MissingValueError as error:
-        raise ConfigError(f"{source}: key {error.field_path!r} is missing") from error
-    except dacite.WrongTypeError as error:
-        wanted = _type_name(error.field_type)
-        raise ConfigError(f"{source}: {error.field_path!r} must be {wanted}, not {error.value!r}") from error
-    except dacite.DaciteError as error:
+        built: T = _build(cls, data, "")
+    except ConfigError as error:
         raise ConfigError(f"{source}: {error}") from error
-    except ArtiSkillError as error:
-        raise ConfigError(f"{source}: {error}") from error
-    except (TypeError, ValueError) as error:
-        raise ConfigError(f"{source}: a value has the wrong type: {error}") from error
+    return built
 
 
 def load_config(cls: type[T], path: Path, overrides: Mapping[str, Any] | None = None) -> T:
@@ -101,8 +93,20 @@ def to_mapping(config: Any) -> Any:
 
 
 def dump_yaml(config: Any) -> str:
-    """The resolved config as YAML text, keys in the order of the dataclass."""
-    return yaml.safe_dump(to_mapping(config), sort_keys=False, width=110)
+    """The resolved config as YAML text, keys in the order of the dataclass, lists of plain values on one line."""
+    return yaml.dump(to_mapping(config), Dumper=_Dumper, sort_keys=False, width=110)
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes a list of plain values as `[1, 2]`."""
+
+
+def _represent_list(dumper: _Dumper, values: list[Any]) -> yaml.Node:
+    is_plain = not any(isinstance(value, dict | list) for value in values)
+    return dumper.represent_sequence("tag:yaml.org,2002:seq", values, flow_style=is_plain)
+
+
+_Dumper.add_representer(list, _represent_list)
 
 
 def check(condition: bool, message: str) -> None:
@@ -150,7 +154,55 @@ def check_inside(what: str, value: float, limits: Sequence[float]) -> None:
     check(limits[0] <= value <= limits[1], f"{what} must lie in {list(limits)}, not {value}")
 
 
-def _fit(kind: Any, value: Any, where: str) -> Any:
+def _build(cls: Any, data: Any, path: str) -> Any:
+    """The dataclass `cls` from a mapping, its own dataclasses first, so that each error can name its place.
+
+    Args:
+        cls: a dataclass.
+        data: what YAML gave.
+        path: the dotted way to it, empty at the top.
+
+    Raises:
+        ConfigError: as of `from_mapping`, without the source.
+    """
+    if not isinstance(data, Mapping):
+        raise ConfigError(f"{path or 'it'} must be a mapping of keys to values, not {data!r}")
+    hints = typing.get_type_hints(cls)
+    legal = [f.name for f in dataclasses.fields(cls)]
+    for key in data:
+        if key not in legal:
+            where = f"{path}: " if path else ""
+            raise ConfigError(f"{where}unknown key {key!r}; {_nearest(key, legal)}Legal: {', '.join(legal)}.")
+    fitted = {key: _fit(hints[key], value, _join(path, key)) for key, value in data.items()}
+    try:
+        return dacite.from_dict(cls, fitted)
+    except dacite.MissingValueError as error:
+        raise ConfigError(f"key {_join(path, error.field_path)!r} is missing") from error
+    except dacite.WrongTypeError as error:
+        wanted = _wanted(error.field_type, error.value)
+        raise ConfigError(f"{_join(path, error.field_path)!r} must be {wanted}") from error
+    except dacite.DaciteError as error:
+        raise ConfigError(f"{path}: {error}" if path else str(error)) from error
+    except ArtiSkillError as error:
+        raise ConfigError(_placed(path, str(error), legal)) from error
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"{path or 'it'}: a value has the wrong type: {error}") from error
+
+
+def _join(path: str, key: object) -> str:
+    return f"{path}.{key}" if path else str(key)
+
+
+def _placed(path: str, message: str, fields: list[str]) -> str:
+    """A dataclass's message with its place: one that begins with a field gets that field's dotted path."""
+    if not path:
+        return message
+    message = message.removeprefix(path.rpartition(".")[2] + ".")  # some name their place themselves
+    begins_with_field = re.split(r"[^A-Za-z0-9_]", message, maxsplit=1)[0] in fields
+    return f"{path}{'.' if begins_with_field else ': '}{message}"
+
+
+def _fit(kind: Any, value: Any, path: str) -> Any:
     """`value` in the form that the annotation `kind` asks for: tuples for YAML's lists, floats for its integers.
 
     What does not fit at all is left as it is, for dacite to refuse.
@@ -158,39 +210,31 @@ def _fit(kind: Any, value: Any, where: str) -> Any:
     Args:
         kind: a type annotation.
         value: what YAML gave.
-        where: the way to the value, for error messages.
+        path: the dotted way to the value, for error messages.
 
     Raises:
         ConfigError: a key, at any depth, that no field bears, or text where a number belongs.
     """
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if dataclasses.is_dataclass(kind):
-        return _fit_dataclass(kind, value, where)
+        return value if type(value) is kind else _build(kind, value, path)
     if kind in (float, int):
-        return _fit_number(kind, value, where)
+        return _fit_number(kind, value, path)
     if origin in (typing.Union, types.UnionType):
-        return _fit_union(arguments, value, where)
+        return _fit_union(arguments, value, path)
+    if origin in (tuple, list) and isinstance(value, Mapping):
+        key = next(iter(value), "")
+        raise ConfigError(f"{path} is a list, which is given as a whole, not by keys such as {key!r}")
     if origin in (tuple, list) and isinstance(value, list | tuple):
         items = arguments[:1] * len(value) if origin is list or arguments[1:] == (...,) else arguments
-        fitted = [_fit(a, v, f"{where}[{i}]") for i, (a, v) in enumerate(zip(items, value, strict=False))]
+        fitted = [_fit(a, v, f"{path}[{i}]") for i, (a, v) in enumerate(zip(items, value, strict=False))]
         return origin((*fitted, *value[len(fitted) :]))
     if origin in (dict, Mapping) and isinstance(value, Mapping):
-        return {key: _fit(arguments[1], item, f"{where}: {key}") for key, item in value.items()}
+        return {key: _fit(arguments[1], item, _join(path, key)) for key, item in value.items()}
     return value
 
 
-def _fit_dataclass(cls: Any, data: Any, where: str) -> dict[str, Any]:
-    if not isinstance(data, Mapping):
-        raise ConfigError(f"{where} must be a mapping of keys to values, not {data!r}")
-    hints = typing.get_type_hints(cls)
-    legal = [f.name for f in dataclasses.fields(cls)]
-    for key in data:
-        if key not in legal:
-            raise ConfigError(f"{where}: unknown key {key!r}; {_nearest(key, legal)}Legal: {', '.join(legal)}.")
-    return {key: _fit(hints[key], value, f"{where}: {key}") for key, value in data.items()}
-
-
-def _fit_union(options: tuple[Any, ...], value: Any, where: str) -> Any:
+def _fit_union(options: tuple[Any, ...], value: Any, path: str) -> Any:
     """Fit to the first option of the value's own sort, if there is one."""
     if value is None or type(value) in options:
         return value
@@ -200,27 +244,30 @@ def _fit_union(options: tuple[Any, ...], value: Any, where: str) -> Any:
         is_mapping = (dataclasses.is_dataclass(origin) or origin in (dict, Mapping)) and isinstance(value, Mapping)
         is_number = origin in (float, int) and isinstance(value, int | float | str | bool)
         if is_sequence or is_mapping or is_number:
-            return _fit(option, value, where)
+            return _fit(option, value, path)
     return value
 
 
-def _fit_number(kind: type, value: Any, where: str) -> Any:
+def _fit_number(kind: type, value: Any, path: str) -> Any:
     """Integers are legal where floats are; PyYAML reads `1e-3` as text, which is legal too; booleans are not."""
     if isinstance(value, bool):
-        raise ConfigError(f"{where}: a number was expected, not {value!r}")
+        raise ConfigError(f"{path}: a number was expected, not {value!r}")
     if kind is float and isinstance(value, int | str):
         try:
             return float(value)
         except (ValueError, OverflowError) as error:
-            raise ConfigError(f"{where}: a number was expected, not {value!r}") from error
+            raise ConfigError(f"{path}: a number was expected, not {value!r}") from error
     return value
 
 
-def _type_name(kind: Any) -> str:
-    """An annotation as a person writes it."""
+def _wanted(kind: Any, value: object) -> str:
+    """An annotation as a person writes it, and what was there instead."""
     if typing.get_origin(kind) is typing.Literal:
-        return "one of " + ", ".join(map(repr, typing.get_args(kind)))
-    return kind.__name__ if isinstance(kind, type) and not typing.get_args(kind) else str(kind)
+        legal = list(map(str, typing.get_args(kind)))
+        near = _nearest(value, legal).rstrip()
+        return f"one of {', '.join(map(repr, legal))}, not {value!r}{'; ' if near else ''}{near}"
+    name = kind.__name__ if isinstance(kind, type) and not typing.get_args(kind) else str(kind)
+    return f"{name}, not {value!r}"
 
 
 def _nearest(given: object, legal: list[str]) -> str:

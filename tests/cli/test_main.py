@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
+import yaml
 
 from artiskill import __version__
 from artiskill.cli.main import main
@@ -49,6 +50,16 @@ def test_objects(capsys: Capture) -> None:
 def test_tasks(capsys: Capture) -> None:
     assert main(["tasks"]) == 0
     assert "OpenCabinetDrawer  25 train, 10 test, 9 ood objects" in capsys.readouterr().out
+
+
+def test_config_show_has_robot_and_light_and_takes_dotted_keys(capsys: Capture) -> None:
+    changes = ["robot=two_arms", "robot.drives.arm_damping=50", "physics.solver=cg", "render.sun.strength=0.5"]
+    assert main(["config", "show", "OpenCabinetDoor", "--set", *changes]) == 0
+    shown = yaml.safe_load(capsys.readouterr().out)
+    assert (shown["robot"]["name"], shown["robot"]["drives"]["arm_damping"]) == ("two_arms", 50)
+    assert (shown["physics"]["solver"], shown["render"]["sun"]["strength"]) == ("cg", 0.5)
+    assert {"drives", "actions", "mounts"} <= set(shown["robot"])
+    assert {"lamps", "floor", "background"} <= set(shown["render"])
 
 
 def test_config_show(capsys: Capture) -> None:

@@ -5,7 +5,7 @@ import subprocess
 import sys
 import warnings
 from dataclasses import fields
-from functools import partial
+from functools import cache, partial
 from itertools import pairwise
 
 import gymnasium as gym
@@ -15,14 +15,17 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from artiskill.assets.articulated_object import Joint
+from artiskill.assets.needs import task_needs
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.modes import OBSERVATION_MODES
+from artiskill.errors import PolicyError
 from artiskill.evaluation.policies import load_policy
 from artiskill.experts.open_cabinet import OpenCabinetExpert, Phase
+from artiskill.experts.registry import make_expert
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.levels import Stream, level_generator
-from artiskill.tasks.registry import task_names
+from artiskill.tasks.registry import make_task, task_names
 
 VISUAL_MODES = tuple(mode for mode in OBSERVATION_MODES if mode != "state")
 
@@ -35,8 +38,9 @@ def make_env(task: str, object_id: str, **kwargs) -> ManipulationEnv:
     return ManipulationEnv(task, objects=object_id, **kwargs)
 
 
+@cache
 def arms_of(task: str) -> int:
-    return 1 if task.startswith("OpenCabinet") else 2
+    return len(make_task(task).robot.mounts)
 
 
 def random_actions(task: str, count: int, seed: int = 0) -> np.ndarray:
@@ -299,7 +303,7 @@ def test_fixed_ids_and_splits_share_their_levels(task: str) -> None:
     mixed = gym.make(f"ArtiSkill/{task}-v0", objects="test")
     observation, info = mixed.reset(seed=17)
     ids = [f"{task}_{info['object']}-v0"]
-    ids += [f"{task}_{info['object']}_{info['target']}-v0"] if arms_of(task) == 1 else []
+    ids += [f"{task}_{info['object']}_{info['target']}-v0"] if task_needs(task).motion else []
     for env_id in ids:
         fixed, fixed_info = gym.make(f"ArtiSkill/{env_id}").reset(seed=17)
         np.testing.assert_array_equal(fixed, observation)
@@ -322,11 +326,12 @@ def test_an_idle_robot_leaves_everything_as_it_is(task: str, object_id: str) -> 
     np.testing.assert_allclose(env.snapshot.object_qpos[:, own], start.object_qpos[:, own], atol=give)
     np.testing.assert_allclose(env.snapshot.link_position_w[:, 0], start.link_position_w[:, 0], atol=give)
     assert deepest_contact(env) > -1e-3
-    assert not any(env.task.flags(env.snapshot, env.goal)[env.task.flag_names[k]][0] for k in WON_BY[task])
+    won = env.task.flag_names[WON_BY.get(task, 0)]
+    assert not env.task.flags(env.snapshot, env.goal)[won][0]
 
 
-# flags, by their place, that no episode starts with and doing nothing never brings
-WON_BY = {"OpenCabinetDrawer": (0,), "OpenCabinetDoor": (0,), "PushChair": (0,), "MoveBucket": (1,)}
+# the flag, by its place, that no episode starts with and doing nothing never brings, where it is not the first
+WON_BY = {"MoveBucket": 1}
 
 
 def idle_action(env: ManipulationEnv) -> np.ndarray:
@@ -384,6 +389,10 @@ def test_wild_actions_never_explode(task: str, object_id: str, extreme: bool) ->
 def test_expert_solves_it_and_stages_are_ordered(task: str, object_id: str) -> None:
     """Rewards of a later stage exceed those of all earlier ones, over the states that an expert visits."""
     env, expert = make_env(task, object_id), load_policy("expert")
+    try:
+        make_expert(task, env.task.robot)
+    except PolicyError as error:  # a new task may come before its expert
+        pytest.skip(str(error))
     bonus = env.task.config.reward.stage_bonus
     by_stage: dict[int, list[float]] = {stage: [] for stage in range(len(bonus))}
     solved = []

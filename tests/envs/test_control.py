@@ -152,6 +152,24 @@ def test_joint_actions_can_be_given_in_operational_space() -> None:
     np.testing.assert_allclose(other.snapshot.robot_qpos, joint.snapshot.robot_qpos, atol=1e-6)
 
 
+def test_full_joint_actions_survive_where_the_hand_has_room() -> None:
+    """An action of the hand ends at 1 m/s, which random joints exceed; with room enough nothing is lost."""
+    snapshot = posed("one_arm", poses("one_arm", 200, 0.4))
+    keep = regular(snapshot)
+    wide = {"hand_velocity_m_s": 20, "hand_rate_rad_s": 40, "null_rate_rad_s": 40}
+    plain, roomy = load_robot("one_arm"), load_robot({"like": "one_arm", "actions": wide})
+    targets = Control(plain, "joint").to_targets(np.random.default_rng(6).uniform(-1, 1, (200, 13)), snapshot)
+    errors = {}
+    for name, robot in (("plain", plain), ("roomy", roomy)):
+        control = Control(robot, OPERATIONAL)
+        actions = control.to_actions(targets, snapshot)
+        errors[name] = np.abs(control.to_targets(actions, snapshot) - targets)[keep].max(axis=1)
+        whole = (np.abs(actions) < 1)[keep][:, 4:11].all(axis=1)
+        assert errors[name][whole].max(initial=0) < 1e-6, "what is not clipped is exact"
+    assert np.median(errors["plain"]) > 0.1
+    assert errors["roomy"].max() < 1e-6
+
+
 @pytest.mark.parametrize("mode", ["joint", OPERATIONAL])
 @pytest.mark.parametrize("robot_name", ROBOTS)
 def test_actions_and_targets_turn_into_one_another(robot_name: str, mode: str) -> None:

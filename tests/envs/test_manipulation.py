@@ -2,6 +2,7 @@
 
 import dataclasses
 import pickle
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 import artiskill
 from artiskill.assets.catalog import load_object
+from artiskill.envs.casting import Casting
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.state import EnvState
 from artiskill.errors import (
@@ -84,7 +86,8 @@ def test_actions_out_of_range_are_clipped(env: ManipulationEnv) -> None:
         (np.zeros((1, 13)), r"shape \(13,\), not \(1, 13\)"),
         (np.full(13, np.nan), "finite"),
         ([0.0] * 12 + [np.inf], r"entries \[12\]"),
-        ("left", "13 numbers"),
+        ("left", "13 real numbers"),
+        (np.zeros(13) + 1j, "not complex"),
         (None, "finite|shape"),
     ],
 )
@@ -142,11 +145,12 @@ def test_illegal_constructions(kwargs: dict, error: type[ArtiSkillError], says: 
         ({"level": 1.5}, ConfigError, "integer"),
         ({"object": "cabinet-9999"}, UnknownNameError, "cabinet-"),
         ({"target": "base"}, UnknownNameError, "link_"),
+        (3, ConfigError, "a mapping with the keys level, object, target, not 3"),
+        (["level"], ConfigError, r"not \['level'\]"),
+        (0, ConfigError, "not 0"),
     ],
 )
-def test_illegal_reset_options(
-    env: ManipulationEnv, options: dict, error: type[ArtiSkillError], says: str
-) -> None:
+def test_illegal_reset_options(env: ManipulationEnv, options: Any, error: type[ArtiSkillError], says: str) -> None:
     with pytest.raises(error, match=says):
         env.reset(options=options)
 
@@ -186,6 +190,7 @@ def test_refused_states_change_nothing(env: ManipulationEnv) -> None:
         (damaged(foreign, simulation=mine.simulation), "another object"),
         (physics.save_state(), "physics configuration"),
         (damaged(mine, elapsed=-1), "elapsed -1"),
+        (damaged(mine, simulation=None), "simulation is damaged: it is a NoneType"),
         (damaged(mine, streaks=np.zeros(3, int)), "streaks"),
         (damaged(mine, target="link_77"), "link_"),
         (damaged(mine, object="cabinet-9999"), "cabinet-"),
@@ -207,6 +212,18 @@ def test_states_of_objects_that_were_handed_in_come_back(env: ManipulationEnv) -
     restored, info = env.restore_state(state)
     assert info["object"] == "mine"
     np.testing.assert_array_equal(restored, observation)
+
+
+def test_rendering_needs_an_episode() -> None:
+    with pytest.raises(ResetNeededError, match="before render"):
+        ManipulationEnv(objects=DRAWERS, render_mode="rgb_array").render()
+
+
+def test_an_object_without_target_is_refused(env: ManipulationEnv) -> None:
+    """Whatever the task says are its targets: nothing is drawn from none."""
+    task = dataclasses.replace(env.task, targets=lambda obj: ())
+    with pytest.raises(AssetError, match="'cabinet-0005' has no link that OpenCabinetDrawer could be done with"):
+        Casting(task, "cabinet-0005").draw(0)
 
 
 def test_rendering_needs_a_mode(env: ManipulationEnv) -> None:

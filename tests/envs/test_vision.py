@@ -282,3 +282,31 @@ def test_what_the_wrapper_refuses() -> None:
         PointCloudDownsample(
             gym.wrappers.FlattenObservation(make(config={"cameras.width": 4, "cameras.height": 2}))
         )
+
+
+def test_light_and_floor_are_the_configurations() -> None:
+    """Two environments of one scene in one process, each with its own light; masks and depth stay the same."""
+    dark = {"render.sun.strength": 0.0, "render.ambient": {"sky": [0, 0, 0], "ground": [0, 0, 0]}}
+    lamp = {"position_w": [-1.0, 0.0, 2.0], "colour": [1.0, 1.0, 1.0], "strength": 3.0, "range_m": 8.0}
+    plain = make("rgbd").reset(seed=0)[0]["rgbd"]
+    changes = {
+        "dark": dark,
+        "lit": {**dark, "render.lamps": [lamp]},
+        "blue": {"render.background.horizon": [0, 0, 1], "render.floor.enabled": False},
+        "picture": {"render.quality": "picture", "cameras": {"width": 100, "height": 40}},
+    }
+    seen = {name: make("rgbd", config=config).reset(seed=0)[0]["rgbd"] for name, config in changes.items()}
+    again = make("rgbd").reset(seed=0)[0]["rgbd"]
+    np.testing.assert_array_equal(again["rgb"], plain["rgb"])
+    for name in ("dark", "lit"):
+        np.testing.assert_array_equal(seen[name]["depth"], plain["depth"])
+        np.testing.assert_array_equal(seen[name]["seg"], plain["seg"])
+    thing = plain["seg"][..., ROBOT]
+    means = [view["rgb"][..., :3][thing].mean() for view in (seen["dark"], seen["lit"], plain)]
+    assert means[0] < 1
+    assert means[0] + 20 < means[1]
+    assert means[0] + 20 < means[2]
+    sky = (seen["blue"]["depth"][..., 0] == 0) & ~thing
+    assert sky.any()
+    assert (seen["blue"]["rgb"][..., :3][sky] == (0, 0, 255)).all()
+    assert len(np.unique(seen["picture"]["rgb"])) > 50

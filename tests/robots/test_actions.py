@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from artiskill.robots.actions import action_scale
+from artiskill.errors import ActionError
+from artiskill.robots.actions import action_scale, check_action, check_actions
 from artiskill.robots.config import load_robot
 
 
@@ -34,3 +35,20 @@ def test_targets_out_of_reach_become_the_nearest_action(scale):
     assert actions[0] == 1.0
     assert actions[11] == -1.0
     assert np.all(actions[[*range(1, 11), 12]] == 0)
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        (np.zeros(3) + 1j, r"an action is 3 real numbers, not complex ones"),
+        ([0, 1j, 0], "not complex ones"),
+        (np.array([0, 1j, 0], dtype=object), "an action is 3 real numbers, not"),
+        ([[0, 0], 0, 0], "an action is 3 real numbers, not"),
+        ("abc", "an action is 3 real numbers, not 'abc'"),
+    ],
+)
+def test_what_is_no_real_numbers_is_refused(given, says):
+    with pytest.raises(ActionError, match=says):
+        check_action(given, 3)
+    with pytest.raises(ActionError, match="real numbers of shape"):
+        check_actions(given, 1, 3)

@@ -2,13 +2,14 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from artiskill.config import from_mapping, load_config, to_mapping
 from artiskill.errors import ConfigError, UnknownNameError
 from artiskill.robots.arm_config import ROBOT_DIR, ArmConfig, load_arm
-from artiskill.robots.config import RobotConfig, load_robot
+from artiskill.robots.config import RobotConfig, load_robot, robot_mapping
 
 ONE_ARM, PANDA = ROBOT_DIR / "one_arm.yaml", ROBOT_DIR / "panda.yaml"
 SHAPE = {"kind": "capsule", "size": [0.05, 0.1], "position_m": [0, 0, 0]}
@@ -30,6 +31,31 @@ def test_a_robot_survives_the_way_to_plain_values_and_back():
     robot = load_robot("one_arm")
     assert from_mapping(RobotConfig, to_mapping(robot)) == robot
     assert from_mapping(ArmConfig, to_mapping(load_arm("panda"))) == load_arm("panda")
+
+
+def test_a_file_changes_another_robot(tmp_path: Path):
+    (tmp_path / "robots").mkdir()
+    (tmp_path / "robots" / "soft.yaml").write_text("like: one_arm\nname: soft\ndrives: {arm_damping: 30}\n")
+    (tmp_path / "softer.yml").write_text("like: robots/soft.yaml\nactions: {yaw_rate_rad_s: 1}\n")
+    soft, plain = load_robot(tmp_path / "softer.yml"), load_robot("one_arm")
+    drives, actions = replace(plain.drives, arm_damping=30.0), replace(plain.actions, yaw_rate_rad_s=1.0)
+    assert soft == replace(plain, name="soft", drives=drives, actions=actions)
+    assert load_robot({"like": str(tmp_path / "softer.yml"), "name": "one_arm"}).drives == drives
+    assert robot_mapping(to_mapping(soft)) == to_mapping(soft), "without `like` a mapping stands for itself"
+
+
+def test_robots_of_ones_own_that_make_no_sense(tmp_path: Path):
+    one, two = tmp_path / "one.yaml", tmp_path / "two.yaml"
+    one.write_text("like: two.yaml\n")
+    two.write_text("like: one.yaml\n")
+    with pytest.raises(ConfigError, match=r"is like itself: one\.yaml -> two\.yaml -> one\.yaml"):
+        load_robot(one)
+    two.write_text("name: nothing else\n")
+    with pytest.raises(ConfigError, match=r"one\.yaml': key 'arm' is missing"):
+        load_robot(one)
+    two.write_text("like: [one_arm]\n")
+    with pytest.raises(ConfigError, match=r"a robot is a name, .* not \['one_arm'\]"):
+        load_robot(one)
 
 
 @pytest.mark.parametrize(

@@ -250,11 +250,12 @@ def test_fingers_hold_a_bar_against_a_pull():
     data.qpos[:13] = probe.qpos
     mujoco.mj_step(model, data, nstep=500)  # targets are 0: the fingers close
     grip = np.abs(data.actuator_force[FINGERS])
-    before = data.qpos[-1]
-    data.qfrc_applied[-1] = 30.0
+    pulled, force = scene.index.object_qpos.start, scene.index.object_dof.start
+    before = data.qpos[pulled]
+    data.qfrc_applied[force] = 30.0
     mujoco.mj_step(model, data, nstep=1000)
     assert grip == pytest.approx(20.0)
-    assert 0 < data.qpos[-1] - before < 3e-4
+    assert 0 < data.qpos[pulled] - before < 3e-4
 
 
 # -- what is drawn and what touches ------------------------------------------------------------------------------

@@ -55,6 +55,31 @@ def test_contact_recipe(scene: Scene) -> None:
         assert model.geom(name).priority[0] == 1
 
 
+def test_the_solver_is_what_the_configuration_says() -> None:
+    physics = PhysicsConfig(
+        integrator="rk4",
+        solver="pgs",
+        cone="pyramidal",
+        solver_iterations=7,
+        solver_tolerance=1e-5,
+        line_search_iterations=9,
+        line_search_tolerance=0.1,
+        noslip_iterations=3,
+    )
+    option = build_scene(ROBOT, load_object("cabinet-0003"), physics).model.opt
+    assert option.integrator == mujoco.mjtIntegrator.mjINT_RK4
+    assert option.solver == mujoco.mjtSolver.mjSOL_PGS
+    assert option.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL
+    assert (option.iterations, option.noslip_iterations, option.ls_iterations) == (7, 3, 9)
+    assert (option.tolerance, option.ls_tolerance) == (1e-5, 0.1)
+
+
+def test_the_usual_solver_is_the_engines_own_but_for_the_recipe(scene: Scene) -> None:
+    option, plain = scene.model.opt, mujoco.MjSpec().compile().opt
+    for name in ("iterations", "tolerance", "ls_iterations", "ls_tolerance", "noslip_iterations", "solver"):
+        assert getattr(option, name) == getattr(plain, name), name
+
+
 def test_joints_keep_their_limits_and_axes(scene: Scene) -> None:
     model, obj = scene.model, scene.object
     joints = [link.joint for link in obj.links if link.joint is not None]

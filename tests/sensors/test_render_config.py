@@ -15,7 +15,7 @@ def test_both_qualities_load_and_share_their_light():
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        ({"quality": "pretty"}, "picture, fast, not 'pretty'"),
+        ({"quality": "pretty"}, "'picture', 'fast', not 'pretty'"),
         ({"sun.strenght": 1.0}, "did you mean 'strength'"),
         ({"sun.strength": -1.0}, "strength must not be negative"),
         ({"sun.elevation_deg": 0.0}, "elevation_deg"),

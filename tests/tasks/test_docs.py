@@ -1,6 +1,7 @@
-"""The tasks' pages say what the code does. `python tests/tasks/test_docs.py` prints the tables anew."""
+"""The tasks' pages say what the code does. `python tests/tasks/test_docs.py [task ...]` prints the tables anew."""
 
 import re
+import sys
 from pathlib import Path
 
 import pytest
@@ -35,6 +36,11 @@ def term_rows(task: str) -> list[str]:
     return [*rows, f"| `{STAGE_TERM}` | {made.reward_weights[STAGE_TERM]:g} | see below | | | all |"]
 
 
+def flag_rows(task: str) -> list[str]:
+    """The head of a table whose second column a person writes."""
+    return ["| Condition | Holds when |", "|---|---|", *(f"| `{flag}` | |" for flag in make_task(task).flag_names)]
+
+
 def stage_rows(task: str) -> list[str]:
     made = make_task(task)
     rows = ["| Stage | Bonus | Entered | Leaving |", "|---|---|---|---|"]
@@ -57,5 +63,6 @@ def test_the_page_has_the_tables_of_the_code(task: str) -> None:
 
 
 if __name__ == "__main__":
-    for name in task_names():
-        print(f"# {name}", *field_rows(name), "", *term_rows(name), "", *stage_rows(name), "", sep="\n")
+    for name in sys.argv[1:] or task_names():
+        for piece in ([f"# {name}"], flag_rows(name), field_rows(name), term_rows(name), stage_rows(name)):
+            print(*piece, "", sep="\n")

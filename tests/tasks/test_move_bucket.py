@@ -14,6 +14,7 @@ from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.levels import Stream, level_generator
 from artiskill.tasks.move_bucket.goal import body_box, bucket_centre_w
 from artiskill.tasks.move_bucket.reward import hand_places
+from artiskill.tasks.move_bucket.success import ball_depth_m
 from artiskill.tasks.registry import make_task
 
 TASK = make_task("MoveBucket")
@@ -123,6 +124,59 @@ def test_stages_on_the_way(instant: tuple[Snapshot, Any]) -> None:
     moving = dataclasses.replace(carried, previous_link_position_w=before)
     assert stage_of(with_hands(moving, goal), goal) == 3
     assert stage_of(with_hands(carried, goal), goal) == 4
+
+
+def earned(snapshot: Snapshot, goal: Any) -> float:
+    terms = TASK.reward_terms(snapshot, goal, TASK.flags(snapshot, goal))
+    return sum(weight * float(terms[name][0]) for name, weight in TASK.reward_weights.items())
+
+
+def with_ball(snapshot: Snapshot, local: np.ndarray) -> Snapshot:
+    """The ball at a place in the bucket's frame."""
+    place = snapshot.link_position_w[0, 0] + snapshot.link_rotation_w[0, 0] @ local
+    return dataclasses.replace(snapshot, prop_position_w=place.reshape(1, 1, 3))
+
+
+@pytest.mark.parametrize("height", [0.0, 0.1, 0.18])  # from 0.16 m on the stage is being left for the next one
+@pytest.mark.parametrize("way", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, -0.6, 0.8)])
+def test_nothing_jumps_while_the_ball_leaves_a_bucket_in_the_hands(
+    instant: tuple[Snapshot, Any], height: float, way: tuple[float, float, float]
+) -> None:
+    """Over the rim or through a wall, 0.2 mm at a time: from the second stage to the first, without a step."""
+    snapshot, goal = instant
+    gripped = with_hands(held(snapshot, (1.0, 0.0, height)), goal)
+    middle = goal.box[0].mean(axis=0)
+    balls = [with_ball(gripped, middle + d * np.array(way)) for d in np.arange(0.0, 0.5, 2e-4)]
+    assert (stage_of(balls[0], goal), stage_of(balls[-1], goal)) == (1, 0)
+    rewards = np.array([earned(ball, goal) for ball in balls])
+    assert np.abs(np.diff(rewards)).max() < 0.06
+    assert np.ptp(rewards) > 1
+    assert (np.diff(rewards) < 1e-9).all(), "further out never earns more"
+
+
+def test_a_bucket_without_its_ball_earns_less_than_any_with_it_in_the_hands(instant: tuple[Snapshot, Any]) -> None:
+    snapshot, goal = instant
+    gripped = with_hands(held(snapshot, (1.0, 0.0, 0.1)), goal)
+    lost = with_ball(gripped, np.array((0.6, 0.0, 0.0)))
+    bonus = TASK.config.reward.stage_bonus
+    assert bonus[0] < earned(lost, goal) < bonus[1] - 0.4
+    assert earned(gripped, goal) > bonus[1]
+
+
+def test_the_ball_is_as_deep_as_its_way_out_is_long(instant: tuple[Snapshot, Any]) -> None:
+    snapshot, goal = instant
+    low, high = goal.box[0]
+    middle = (low + high) / 2
+    leaning = held(snapshot, (0.3, -0.2, 0.4), lean_rad=0.7)
+    for local, depth in (
+        (middle, (high - low).min() / 2),
+        ((middle[0], middle[1], high[2] - 0.01), 0.01),
+        ((middle[0], middle[1], high[2] + 0.02), -0.02),
+        ((low[0] - 0.05, middle[1], high[2] + 0.02), -0.05),
+    ):
+        ball = with_ball(leaning, np.array(local))
+        assert ball_depth_m(ball, goal)[0] == pytest.approx(depth, abs=1e-9)
+        assert bool(TASK.flags(ball, goal)["balls_in_bucket"][0]) is bool(depth >= 0)
 
 
 def test_hands_on_opposite_sides_are_seen(instant: tuple[Snapshot, Any]) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object, resolve_objects
 from artiskill.assets.needs import TASK_NEEDS
-from artiskill.errors import UnknownNameError
+from artiskill.errors import AssetError, UnknownNameError
 from artiskill.tasks.levels import Stream, level_generator
 from artiskill.tasks.task import Task
 
@@ -71,6 +71,8 @@ class Casting:
         """
         TASK_NEEDS[self.task.name].check_object(obj)
         targets = self.task.targets(obj)
+        if not targets:
+            raise AssetError(f"object {obj.id!r} has no link that {self.task.name} could be done with")
         if target is not None and target not in targets:
             raise UnknownNameError("target link", target, targets, f"(object {obj.id!r}, {self.task.name})")
         return targets

@@ -21,7 +21,7 @@ CONTROL_MODES: tuple[str, ...] = (JOINT, OPERATIONAL)
 
 
 class Control:
-    """Actions in [-1, 1] to drive targets and back, in one of `CONTROL_MODES`.
+    """Actions in [-1, 1] to drive targets and back, in one of `CONTROL_MODES`; both ways clip to what is legal.
 
     Both modes have as many numbers: base x, y, yaw and lift, then nine per arm. In `joint` these are seven joint
     velocities and two finger positions; in `operational_space` the hand's twist in its own frame (linear, then

@@ -9,12 +9,13 @@ import numpy as np
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.envs.casting import Casting, ObjectChoice
 from artiskill.envs.control import JOINT, Control
-from artiskill.envs.modes import OBSERVERS, RENDER_MODES, check_modes
+from artiskill.envs.modes import OBSERVERS, RENDER_MODES, check_modes, checked_options
 from artiskill.envs.observation import Instant, Observer, empty_observation
 from artiskill.envs.rendering import Viewpoint, WorldView
 from artiskill.envs.state import EnvState, check_progress
-from artiskill.errors import ConfigError, ResetNeededError, StateError, check_name
+from artiskill.errors import ConfigError, ResetNeededError, StateError
 from artiskill.scene.cache import cached_scene
+from artiskill.scene.scene import Scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.levels import MAX_LEVEL, Stream, check_level, level_generator
@@ -42,17 +43,20 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
 
     ## Observation space
 
-    By `obs_mode`; docs/observations.md says more. `agent` is the last 38 numbers of the state, the robot's.
+    By `obs_mode`; docs/observations.md says more. `agent` is the robot's part of the state, its last A numbers: 38
+    with one arm, 68 with two. K masks: target handle, target link and robot in the cabinet tasks; the robot alone in
+    PushChair and MoveBucket.
 
     - `state`: `Box` of float32 with finite bounds; `task.state_fields` lists every run of numbers with its unit.
     - `pointcloud`: `{"pointcloud": {"xyz": (192000, 3) float32 world, "rgb": (192000, 3) uint8, "seg":
-      (192000, 3) bool}, "agent": (38,) float32}`; the masks are target handle, target link, robot.
-    - `rgbd`: `{"rgbd": {"rgb": (160, 400, 9) uint8, "depth": (160, 400, 3) float32, "seg": (160, 400, 9) bool},
-      "agent": (38,) float32}`; three cameras, three masks each.
+      (192000, K) bool}, "agent": (A,) float32}`.
+    - `rgbd`: `{"rgbd": {"rgb": (160, 400, 9) uint8, "depth": (160, 400, 3) float32, "seg": (160, 400, 3K) bool},
+      "agent": (A,) float32}`; three cameras.
 
     ## Rewards
 
-    `dense`: the weighted sum of the task's reward terms, all of them in `info["reward_terms"]` (unweighted).
+    `dense`: the weighted sum of the task's reward terms, all of them in `info["reward_terms"]` (unweighted); never
+    above 0, so that solving the task early is best.
     `sparse`: 1 in a step in which the task is solved, else 0.
 
     ## Episodes
@@ -117,12 +121,10 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
         """Start an episode; see the class.
 
         Raises:
-            ConfigError: a level that is no integer in range, or an unknown option.
-            UnknownNameError: an unknown object or target link.
+            ConfigError: a level that is no integer in range, or options that are no mapping.
+            UnknownNameError: an unknown option, object or target link.
         """
-        options = dict(options or {})
-        for key in options:
-            check_name("reset option", key, ("level", "object", "target"))
+        options = checked_options(options, ("level", "object", "target"))
         level = options.get("level", seed)
         if level is not None:
             level = check_level(level)
@@ -170,7 +172,8 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
         if self.render_mode is None:
             raise ConfigError("this environment was made without a render mode; pass render_mode='rgb_array'")
         if self._view is None:
-            assert self._simulation is not None
+            if self._simulation is None:
+                raise ResetNeededError("call reset() before render()")
             self._view = WorldView(self._simulation.scene, Viewpoint().camera(self.task.world_camera))
         return self._view.draw(self.snapshot)
 
@@ -215,9 +218,9 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
             raise StateError(f"cannot restore a state of {given!r} into {self.task.name!r}")
         obj = self._casting.find(state.object)
         self._casting.check_target(obj, state.target)
+        check_progress(state, len(self.task.flag_names))
         simulation = self._simulation_of(obj)
         simulation.check_state(state.simulation)
-        check_progress(state, len(self.task.flag_names))
         self._enter(simulation, state.target)  # all is well: from here on nothing fails
         simulation.restore(state.simulation)
         self._snapshot = simulation.snapshot()
@@ -225,6 +228,13 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
         self._progress.elapsed[:] = state.elapsed
         self._progress.streaks[:] = state.streaks
         return self._observe(self._info()[0])
+
+    @property
+    def scene(self) -> Scene:
+        """What is simulated now: object, robot, props."""
+        if self._simulation is None:
+            raise ResetNeededError("call reset() first")
+        return self._simulation.scene
 
     @property
     def snapshot(self) -> Snapshot:

@@ -1,11 +1,12 @@
 """What an environment can be asked for by name."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from artiskill.envs.control import CONTROL_MODES
 from artiskill.envs.observation import Observer, StateObserver
 from artiskill.envs.vision import PointCloudObserver, RgbdObserver
-from artiskill.errors import check_name
+from artiskill.errors import ConfigError, check_name
 from artiskill.tasks.task import Task
 
 OBSERVERS: dict[str, Callable[[Task], Observer]] = {
@@ -25,3 +26,19 @@ def check_modes(observation: str, reward: str, control: str, render: str | None)
     check_name("control mode", control, CONTROL_MODES)
     if render is not None:
         check_name("render mode", render, RENDER_MODES)
+
+
+def checked_options(given: object, legal: tuple[str, ...]) -> dict[str, Any]:
+    """The options of a `reset`, as a dictionary of the caller's own.
+
+    Raises:
+        ConfigError: they are no mapping.
+        UnknownNameError: an unknown option.
+    """
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping):
+        raise ConfigError(f"reset options are a mapping with the keys {', '.join(legal)}, not {given!r}")
+    for key in given:
+        check_name("reset option", key, legal)
+    return dict(given)

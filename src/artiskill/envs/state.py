@@ -33,11 +33,14 @@ class EnvState:
 
 
 def check_progress(state: EnvState, flags: int) -> None:
-    """See whether the episode's part of a state makes sense.
+    """See whether the episode's part of a state makes sense, and whether there is a physical part.
 
     Raises:
-        StateError: its level, steps or streaks do not.
+        StateError: its steps or streaks do not, or there is none.
+        ConfigError: its level does not.
     """
+    if not isinstance(state.simulation, SimulationState):
+        raise StateError(f"this state's simulation is damaged: it is a {type(state.simulation).__name__}")
     check_level(state.level)
     steps_are_legal = isinstance(state.elapsed, int | np.integer) and state.elapsed >= 0
     streaks = np.asarray(state.streaks)

@@ -23,7 +23,7 @@ from artiskill.sensors.point_cloud import (
     points_of_pixels,
     write_cloud,
 )
-from artiskill.sensors.render_config import load_render_config
+from artiskill.sensors.render_config import RenderConfig
 from artiskill.sensors.renderer import Images, Renderer
 from artiskill.sensors.segmentation import mask_codes, write_channels
 from artiskill.sensors.triangle_soup import BodyVisual
@@ -40,10 +40,10 @@ _BASE_REACH_M = 20.0  # bound of the base's place, as in the robot's part of the
 
 
 @lru_cache(maxsize=_RENDERERS)
-def _renderer(scene: Scene) -> Renderer:
+def _renderer(scene: Scene, config: RenderConfig) -> Renderer:
     """A scene's renderer, remembered."""
     visuals = [BodyVisual(body, visual) for body, visual in scene.visuals]
-    return Renderer(visuals, load_render_config("fast"))
+    return Renderer(visuals, config)
 
 
 class Eyes:
@@ -79,7 +79,7 @@ class Eyes:
         canvas = _canvas(self.shape)
         if rgb is not None:
             canvas = Images({"rgb": rgb, "depth": canvas.depth, "geom": canvas.geom})
-        images = _renderer(self._scene).render(
+        images = _renderer(self._scene, self.task.render).render(
             snapshot.body_position_w[row], snapshot.body_quaternion_w[row], cameras, _CHANNELS, canvas
         )
         return images, rays, {"cameras": self.panorama.parameters(cameras)}

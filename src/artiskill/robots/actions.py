@@ -1,6 +1,7 @@
 """What actions mean: [-1, 1] per joint to drive targets, and back."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -49,10 +50,7 @@ def check_action(action: object, size: int) -> np.ndarray:
     Raises:
         ActionError: it is not `size` finite numbers.
     """
-    try:
-        array = np.asarray(action, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ActionError(f"an action is {size} numbers, not {action!r}") from error
+    array = _real_numbers(action, f"an action is {size} real numbers")
     if array.shape != (size,):
         raise ActionError(f"an action has shape ({size},), not {array.shape}")
     if not np.isfinite(array).all():
@@ -67,10 +65,7 @@ def check_actions(actions: object, num_envs: int, size: int) -> np.ndarray:
     Raises:
         ActionError: they are not `num_envs` rows of `size` finite numbers.
     """
-    try:
-        array = np.asarray(actions, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ActionError(f"actions are an array of shape ({num_envs}, {size}), not {actions!r}") from error
+    array = _real_numbers(actions, f"actions are real numbers of shape ({num_envs}, {size})")
     if array.shape != (num_envs, size):
         raise ActionError(f"actions have shape ({num_envs}, {size}), not {array.shape}")
     finite = np.isfinite(array).all(axis=1)
@@ -78,4 +73,15 @@ def check_actions(actions: object, num_envs: int, size: int) -> np.ndarray:
         raise ActionError(
             f"actions have finite numbers; not so those of environments {np.flatnonzero(~finite).tolist()}"
         )
+    return array
+
+
+def _real_numbers(given: Any, rule: str) -> np.ndarray:
+    try:
+        is_complex = np.iscomplexobj(given)  # NumPy would drop the imaginary parts with no more than a warning
+        array = np.zeros(0) if is_complex else np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ActionError(f"{rule}, not {given!r}") from error
+    if is_complex:
+        raise ActionError(f"{rule}, not complex ones")
     return array

@@ -15,7 +15,13 @@ _SIZES = {"box": 3, "capsule": 2, "cylinder": 2, "sphere": 1}  # numbers in a sh
 
 @dataclass(frozen=True)
 class BodyConfig:
-    """Mass, centre of mass in the link's frame, and principal inertia about it."""
+    """How a link weighs.
+
+    Attributes:
+        mass_kg: its mass.
+        center_of_mass_m: in the link's frame.
+        inertia_kgm2: principal moments about the centre of mass, along the link's axes.
+    """
 
     mass_kg: float
     center_of_mass_m: tuple[float, ...]
@@ -30,7 +36,15 @@ class BodyConfig:
 
 @dataclass(frozen=True)
 class ShapeConfig:
-    """A collision shape; sizes as in `assets.articulated_object.CollisionShape`."""
+    """A collision shape.
+
+    Attributes:
+        kind: which shape.
+        size: [m] box: half lengths along x, y, z; capsule and cylinder: radius, and half length along z; sphere:
+            radius.
+        position_m: of its centre in the link's frame.
+        rpy_rad: orientation there, roll, pitch, yaw.
+    """
 
     kind: Literal["box", "capsule", "cylinder", "sphere"]
     size: tuple[float, ...]

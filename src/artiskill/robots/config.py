@@ -1,7 +1,9 @@
 """What a robot's YAML holds: base, lift, torso, where arms sit, drives and the meaning of actions."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal
 
 from artiskill.config import (
     check,
@@ -10,15 +12,25 @@ from artiskill.config import (
     check_positive,
     check_range,
     check_vector,
-    load_config,
+    from_mapping,
+    load_yaml,
+    merge_overrides,
 )
 from artiskill.errors import ConfigError, UnknownNameError
 from artiskill.robots.arm_config import BodyConfig, ShapeConfig, load_arm, robot_file
 
+LIKE = "like"  # the key that names the robot whose values are taken where a mapping says nothing else
+
 
 @dataclass(frozen=True)
 class MountConfig:
-    """Where an arm's first joint sits on the torso; `side` prefixes its names."""
+    """Where an arm's first joint sits on the torso.
+
+    Attributes:
+        side: prefixes the names of its parts.
+        position_m: in the torso's frame.
+        rpy_rad: orientation there, roll, pitch, yaw.
+    """
 
     side: Literal["right", "left"]
     position_m: tuple[float, ...]
@@ -30,7 +42,13 @@ class MountConfig:
 
 @dataclass(frozen=True)
 class SlidingConfig:
-    """A part that slides: the base along world x and y (it also turns about z), the lifted column along z."""
+    """A part that slides: the base along world x and y (it also turns about z), the lifted column along z.
+
+    Attributes:
+        range_m: lowest and highest joint value.
+        body: mass and inertia.
+        collisions: what collides.
+    """
 
     range_m: tuple[float, ...]
     body: BodyConfig
@@ -42,7 +60,13 @@ class SlidingConfig:
 
 @dataclass(frozen=True)
 class TorsoConfig:
-    """The torso, rigid on the column."""
+    """The torso, rigid on the column.
+
+    Attributes:
+        position_m: in the column's frame, whose origin is its top.
+        body: mass and inertia.
+        collisions: what collides.
+    """
 
     position_m: tuple[float, ...]
     body: BodyConfig
@@ -58,14 +82,14 @@ class DriveConfig:
 
     Attributes:
         filter_cutoff_hz: of the first-order low-pass before each velocity drive.
-        base_damping: N s/m, and N m s/rad for the yaw.
-        lift_damping: N s/m.
-        arm_damping: N m s/rad.
-        finger_stiffness: N/m.
-        finger_damping: N s/m.
-        joint_friction: N m or N, in every robot joint.
-        arm_armature: kg m^2, reflected rotor inertia.
-        finger_armature: kg.
+        base_damping: [N s/m] of the base; of its yaw in N m s/rad.
+        lift_damping: [N s/m] of the lift.
+        arm_damping: [N m s/rad] of an arm's joints.
+        finger_stiffness: [N/m] of a finger's servo.
+        finger_damping: [N s/m] of a finger's servo.
+        joint_friction: [N, N m] dry friction in every robot joint.
+        arm_armature: [kg m²] rotor inertia of an arm's joints, as they feel it.
+        finger_armature: [kg] the same of a finger.
     """
 
     filter_cutoff_hz: float
@@ -111,7 +135,12 @@ class ActionConfig:
 
 @dataclass(frozen=True)
 class InitialConfig:
-    """Joint values at the start of every episode."""
+    """Joint values at the start of every episode.
+
+    Attributes:
+        arm_qpos_rad: of each arm, one number per joint.
+        finger_qpos_m: of each finger: half the opening.
+    """
 
     arm_qpos_rad: tuple[float, ...]
     finger_qpos_m: float
@@ -119,7 +148,19 @@ class InitialConfig:
 
 @dataclass(frozen=True)
 class RobotConfig:
-    """A robot: base, lift, torso and one arm per mount."""
+    """A robot: base, lift, torso and one arm per mount.
+
+    Attributes:
+        name: what it is called.
+        arm: the arm that sits on each mount; `panda` is the one that comes with the package.
+        mounts: where the arms sit.
+        base: the mobile base.
+        lift: the lifted column.
+        torso: the torso on the column.
+        drives: how its joints are driven.
+        actions: what an action of +1 means.
+        initial: how it stands when an episode starts.
+    """
 
     name: str
     arm: str
@@ -146,10 +187,44 @@ class RobotConfig:
         check_inside("initial.finger_qpos_m", self.initial.finger_qpos_m, arm.finger.range_m)
 
 
-def load_robot(name: str) -> RobotConfig:
-    """A robot that comes with the package, by name.
+def load_robot(given: str | Path | Mapping[str, Any]) -> RobotConfig:
+    """A robot, as `robot_mapping` takes it.
 
     Raises:
         UnknownNameError: there is no such robot.
+        ConfigError: its file cannot be read, or a value is unknown or illegal.
     """
-    return load_config(RobotConfig, robot_file("robot", name, has_key="mounts"))
+    return from_mapping(RobotConfig, robot_mapping(given), source=f"robot {_title(given)}")
+
+
+def robot_mapping(given: Any, folder: Path | None = None) -> dict[str, Any]:
+    """The plain values of a robot, with `like` resolved.
+
+    Args:
+        given: the name of a robot that comes with the package; the path of a YAML file (it ends in `.yaml` or
+            `.yml`); or values, which change the robot of such a name or path in the key `like`, if there is one.
+        folder: what relative paths start from; by default the working directory.
+
+    Raises:
+        UnknownNameError: there is no such robot.
+        ConfigError: a file cannot be read, or robots are like one another in a circle.
+    """
+    return _resolved(given, folder or Path(), ())
+
+
+def _resolved(given: Any, folder: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
+    if isinstance(given, Mapping):
+        own = {key: value for key, value in given.items() if key != LIKE}
+        return merge_overrides(_resolved(given[LIKE], folder, seen), own) if LIKE in given else own
+    if not isinstance(given, str | Path):
+        raise ConfigError(f"a robot is a name, the path of a YAML file, or a mapping of values, not {given!r}")
+    if Path(given).suffix not in (".yaml", ".yml"):
+        return load_yaml(robot_file("robot", str(given), has_key="mounts"))
+    path = (folder / Path(given).expanduser()).resolve()
+    if path in seen:
+        raise ConfigError(f"robot {str(given)!r} is like itself: {' -> '.join(p.name for p in (*seen, path))}")
+    return _resolved(load_yaml(path), path.parent, (*seen, path))
+
+
+def _title(given: object) -> str:
+    return repr(str(given)) if isinstance(given, str | Path) else "config"

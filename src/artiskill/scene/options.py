@@ -26,11 +26,13 @@ def set_options(spec: Any, physics: PhysicsConfig) -> None:
     option = spec.option
     option.timestep = physics.timestep_s
     option.gravity = (0.0, 0.0, physics.gravity_m_s2)
-    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{physics.integrator.upper()}")
+    option.solver = getattr(mujoco.mjtSolver, f"mjSOL_{physics.solver.upper()}")
+    option.cone = getattr(mujoco.mjtCone, f"mjCONE_{physics.cone.upper()}")
     option.impratio = physics.contact.impratio
-    option.iterations = physics.solver_iterations
+    option.iterations, option.tolerance = physics.solver_iterations, physics.solver_tolerance
+    option.ls_iterations, option.ls_tolerance = physics.line_search_iterations, physics.line_search_tolerance
+    option.noslip_iterations = physics.noslip_iterations
 
 
 def set_contact(geom: Any, group: Group, collides_with: Group, friction: float, physics: PhysicsConfig) -> None:

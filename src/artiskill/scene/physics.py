@@ -2,8 +2,11 @@
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 from artiskill.config import check_not_negative, check_positive, check_value
+
+_ITERATIONS = ("solver_iterations", "line_search_iterations")
 
 
 @dataclass(frozen=True)
@@ -17,7 +20,7 @@ class ContactConfig:
         ground_friction: sliding friction of the ground and of the robot's other parts.
         impratio: ratio of frictional to normal constraint impedance; high values hinder slip.
         time_constant_steps: the constraints' time constant in physics steps (at least 2 is stable).
-        impedance: MuJoCo's solimp: d_min, d_max, width (m), midpoint, power.
+        impedance: of the constraints, MuJoCo's solimp: d_min, d_max, width (m), midpoint, power.
     """
 
     finger_friction: float = 2.0
@@ -45,14 +48,22 @@ class ContactConfig:
 
 @dataclass(frozen=True)
 class PhysicsConfig:
-    """Rates and solver.
+    """Rates, integrator, solver and contacts; MuJoCo's own documentation says more about all but the first.
 
     Attributes:
-        timestep_s: of physics.
+        timestep_s: of a physics step.
         physics_steps_per_control: physics steps per control step.
         control_steps_per_step: control steps per environment step.
         gravity_m_s2: along world z.
-        solver_iterations: at most, of the Newton solver.
+        integrator: `implicitfast` and `implicit` take forces that depend on velocity, the drives' above all,
+            implicitly, `implicit` Coriolis forces too; `euler` and `rk4` need smaller steps for stiffer drives.
+        solver: of the constraints: `newton`, `cg` (conjugate gradients) or `pgs` (Gauss-Seidel).
+        solver_iterations: of the solver, at most, per physics step.
+        solver_tolerance: the solver stops where an iteration improves less than this; with 0 it never does.
+        line_search_iterations: of the line search, at most, per iteration of `newton` and `cg`.
+        line_search_tolerance: a line search stops where the slope has fallen to this share.
+        noslip_iterations: of a second solver, after the first, that takes out slip; 0 leaves it out.
+        cone: friction cones: `elliptic`, or `pyramidal`, faster and not the same in all directions.
         contact: contact parameters.
     """
 
@@ -60,14 +71,24 @@ class PhysicsConfig:
     physics_steps_per_control: int = 5
     control_steps_per_step: int = 5
     gravity_m_s2: float = -9.81
+    integrator: Literal["implicitfast", "implicit", "euler", "rk4"] = "implicitfast"
+    solver: Literal["newton", "cg", "pgs"] = "newton"
     solver_iterations: int = 100
+    solver_tolerance: float = 1e-8
+    line_search_iterations: int = 50
+    line_search_tolerance: float = 0.01
+    noslip_iterations: int = 0
+    cone: Literal["elliptic", "pyramidal"] = "elliptic"
     contact: ContactConfig = ContactConfig()
 
     def __post_init__(self) -> None:
         check_value(self, "timestep_s", 0 < self.timestep_s <= 0.01, "must lie in (0, 0.01]")
         check_value(self, "gravity_m_s2", math.isfinite(self.gravity_m_s2), "must be finite")
-        for name in ("physics_steps_per_control", "control_steps_per_step", "solver_iterations"):
+        for name in ("physics_steps_per_control", "control_steps_per_step", *_ITERATIONS):
             check_value(self, name, getattr(self, name) >= 1, "must be at least 1")
+        check_value(self, "noslip_iterations", self.noslip_iterations >= 0, "must be at least 0")
+        for name in ("solver_tolerance", "line_search_tolerance"):
+            check_value(self, name, 0 <= getattr(self, name) < 1, "must lie in [0, 1)")
 
     @property
     def physics_steps_per_step(self) -> int:

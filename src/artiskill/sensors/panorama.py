@@ -19,8 +19,8 @@ class CamerasConfig:
 
     Attributes:
         number: of cameras, 1 to 16. The first looks forward, the others follow counter-clockwise seen from above.
-        width: pixels of each.
-        height: pixels of each.
+        width: [px] of each camera's image.
+        height: [px] of each camera's image.
         mount_height_m: of the optical centres, all on the base's vertical axis.
         pitch_down_deg: of the optical axes below the horizon, [-90, 90].
         fov_deg: vertical field of view, in (0, 180).

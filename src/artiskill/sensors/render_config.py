@@ -3,11 +3,12 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
-from artiskill.config import CONFIG_DIR, check, check_vector, load_config
+from artiskill.config import CONFIG_DIR, check, check_vector, from_mapping, load_yaml, merge_overrides
 
 QUALITIES = ("picture", "fast")
+_FILE = CONFIG_DIR / "render.yaml"
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class LampConfig:
     """A point light. Lamps throw no shadows; at `fast` quality faces take their light at the corners only.
 
     Attributes:
-        position_w: (x, y, z) in the world, metres.
+        position_w: (x, y, z) in the world.
         colour: linear RGB.
         strength: factor on the colour; the light on a surface that faces the lamp 1 m away.
         range_m: the light falls with the square of the distance, and is gone here.
@@ -88,7 +89,7 @@ class ShadowConfig:
     """Shadows of the sun, in pictures only.
 
     Attributes:
-        enabled: whether there are any.
+        enabled: whether there are shadows.
         resolution: texels along each side of the shadow map, 64 to 4096.
         softness_m: width of the soft edge.
     """
@@ -107,7 +108,7 @@ class OcclusionConfig:
     """Ambient occlusion, in pictures only: shadows of the sky, from a few directions with wide soft edges.
 
     Attributes:
-        enabled: whether there is any.
+        enabled: whether there is occlusion.
         resolution: texels along each side of a direction's shadow map, 64 to 4096.
         softness_m: width of the soft edges.
         strength: how much of the ambient light hiding from the whole sky takes away, in [0, 1].
@@ -129,12 +130,12 @@ class FloorConfig:
     """The ground plane z = 0, seen from above only.
 
     Attributes:
-        enabled: whether there is one.
+        enabled: whether there is a floor.
         colour: linear RGB.
         tile_m: side of the checker's squares; in pictures only.
         contrast: of the checker, in [0, 1].
         fade_start_m: where the floor begins to melt into the horizon, metres from the camera.
-        fade_end_m: where it has.
+        fade_end_m: where it has melted, metres from the camera.
     """
 
     enabled: bool
@@ -159,8 +160,8 @@ class BackgroundConfig:
     """What is seen where nothing is hit; sRGB as it shall appear on the screen, in [0, 1].
 
     Attributes:
-        horizon: level with the camera and below; also the plain background of `fast`.
-        zenith: straight up.
+        horizon: colour level with the camera and below; also the plain background of `fast`.
+        zenith: colour straight up.
     """
 
     horizon: tuple[float, ...]
@@ -186,13 +187,13 @@ class RenderConfig:
         sun: the directional light.
         lamps: point lights, any number.
         ambient: the hemisphere light.
-        shadows: of the sun.
-        occlusion: of the sky.
+        shadows: of the sun; in pictures only.
+        occlusion: of the sky; in pictures only.
         floor: the ground plane.
         background: behind everything.
     """
 
-    quality: str
+    quality: Literal["picture", "fast"]
     crease_angle_deg: float
     max_texture_px: int
     samples_per_axis: int
@@ -222,7 +223,14 @@ def load_render_config(quality: str = "picture", overrides: Mapping[str, Any] | 
     Raises:
         ConfigError: an unknown key, an illegal value, or no such quality.
     """
-    return load_config(RenderConfig, CONFIG_DIR / "render.yaml", {"quality": quality, **(overrides or {})})
+    return from_mapping(RenderConfig, render_mapping(quality, overrides), source=_FILE.name)
+
+
+def render_mapping(quality: str, overrides: Any = None) -> Any:
+    """The plain values that `load_render_config` reads; overrides that are no mapping come back as they are."""
+    if overrides is not None and not isinstance(overrides, Mapping):
+        return overrides  # for `from_mapping` to refuse
+    return merge_overrides(load_yaml(_FILE) | {"quality": quality}, overrides or {})
 
 
 def _check_colour(name: str, colour: tuple[float, ...]) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from artiskill.config import CONFIG_DIR, load_config
+from artiskill.config import CONFIG_DIR
 from artiskill.errors import ConfigError, UnknownNameError
 
 if TYPE_CHECKING:  # importing it would bring the engine in
@@ -36,7 +36,7 @@ def make_task(name: str, overrides: Mapping[str, Any] | None = None) -> "Task":
         overrides: values to change, keys dotted or nested: `{"physics.timestep_s": 0.001}`.
 
     Raises:
-        UnknownNameError: there is no such task.
+        UnknownNameError: there is no such task or robot.
         ConfigError: an override is unknown or illegal.
     """
     if name not in _TASKS:
@@ -48,7 +48,8 @@ def make_task(name: str, overrides: Mapping[str, Any] | None = None) -> "Task":
             f"{key!r} is what makes {name} this task and cannot be changed; make another task instead"
         )
     stem, module_name, config_class, make = _TASKS[name]
-    module = import_module(module_name)
-    config = load_config(getattr(module, config_class), CONFIG_DIR / "tasks" / f"{stem}.yaml", overrides)
+    module, configs = import_module(module_name), import_module("artiskill.tasks.task_config")
+    config_file = CONFIG_DIR / "tasks" / f"{stem}.yaml"
+    config = configs.load_task_config(getattr(module, config_class), config_file, overrides)
     task: Task = getattr(module, make)(config)
     return task

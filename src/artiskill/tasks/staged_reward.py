@@ -1,14 +1,22 @@
-"""Dense rewards in stages: a table of named terms that keeps two promises, whatever is measured.
+"""Dense rewards in stages: a table of named terms that keeps three promises, whatever is measured.
 
-Any state of a later stage earns more than any state of an earlier one, and the reward is continuous where one
-stage turns into the next. In stage k the reward is
+Any state of a later stage earns more than any state of an earlier one; the reward is continuous where one stage
+turns into the next; and no state earns more than 0. In stage k the reward is
 
-    bonus[k] + leaving * (bonus[k + 1] - bonus[k])  +  (1 - leaving) * entered * (weighted sum of the terms asked)
+    bonus[k] + blend * (bonus[k + 1] - bonus[k])  +  (1 - blend) * entered * (weighted sum of the terms asked)
+    blend = leaving * entered / (leaving * entered + 1 - leaving)
 
 `leaving` rises from 0 to 1 on the last stretch before stage k + 1, `entered` from 0 to 1 on the first stretch
-after stage k - 1. Terms lie in [0, 1] and their weights in a stage sum to less than the step to the next bonus, so
-the second summand never reaches it. Where a stage is skipped the reward jumps, always upwards: what stages 0 and 2
-earn cannot meet while all that stage 1 earns lies between.
+after stage k - 1; well inside a stage `blend` is `leaving`. Terms lie in [0, 1] and their weights in a stage sum
+to less than the step to the next bonus, so the second summand never reaches it. Where a stage is skipped the
+reward jumps: what stages 0 and 2 earn cannot meet while all that stage 1 earns lies between.
+
+No reward above 0 means that time is never paid for. Only success ends an episode early, so whoever can put it off
+must not gain by that. Say a policy dawdles in and out of the last stage, and v <= 0 is the best that it earns
+there. Had it kept still where it earned v, it would have been done after n more steps, for so long success must
+hold, at a cost of at most n * -v. Any n steps of dawdling cost as much, and one of them costs more: to put the end
+off it must break a condition of success, for which it leaves the last stage. If rewards were above 0, the best
+policy would never finish.
 """
 
 import math
@@ -23,6 +31,8 @@ from artiskill.geometry.kernel import kernel
 
 # A stage's best state comes this near to the next stage's worst, relative to the step: never equal, never a jump.
 _NEAREST = 1.0 - 1e-9
+_LEAST_KEPT = 1e-12  # no division of 0 by 0 in single precision, for which 1 - _NEAREST is nothing
+_ROUNDING = 1e-9  # of sums of decimal fractions
 STAGE_TERM = "stage"
 
 
@@ -41,7 +51,8 @@ class Stage(NamedTuple):
         name: for people.
         asks: terms that count in it.
         enters: how far inside it is; the least of these counts. None means right away.
-        leaves: how near the next one is; the least of these counts. The last stage has none.
+        leaves: how near the next one is; the least of these counts. The last stage has none. It is of each measure
+            that the next stage is entered by, and ends where that one's begins.
     """
 
     name: str
@@ -123,11 +134,13 @@ class StageTable:
             for part, floor in zip((self._enter, self._leave), floors, strict=True)
         )
         leaving = leaving * xp.asarray(self._leavable, dtype=dtype)[stage]
-        gate = (1.0 - leaving) * entered
+        kept = xp.maximum(1.0 - leaving, xp.asarray(_LEAST_KEPT, dtype=dtype))
+        blend = leaving * entered / (leaving * entered + kept)
+        gate = (1.0 - blend) * entered
         terms = ramps[:, : len(self.terms)] * xp.asarray(self._asked, dtype=dtype)[stage] * gate[:, None]
         least_reward = xp.asarray(np.array(bonus), dtype=dtype)[stage]
         steps = xp.asarray(np.append(np.diff(bonus), 0.0), dtype=dtype)
-        return xp.concat((terms, (least_reward + leaving * steps[stage])[:, None]), axis=1)
+        return xp.concat((terms, (least_reward + blend * steps[stage])[:, None]), axis=1)
 
     def check_weights(self, bonus: Sequence[float], weights: Mapping[str, float]) -> None:
         """Refuse numbers that would break the order of the stages.
@@ -137,8 +150,9 @@ class StageTable:
             weights: of the terms and of `stage`; a missing one is 0.
 
         Raises:
-            ConfigError: another number of stages, an unknown term, a weight that is negative or not finite, or a
-                step between two bonuses that the terms of the lower stage can outweigh.
+            ConfigError: another number of stages, an unknown term, a weight that is negative or not finite, a
+                step between two bonuses that the terms of the lower stage can outweigh, or a last stage that can
+                earn more than 0.
         """
         names = (*self.terms, STAGE_TERM)
         unknown = sorted(set(weights) - set(names))
@@ -156,6 +170,17 @@ class StageTable:
                 f"reward.stage_bonus must rise by more than {most:g} from stage {k} ({stage.name}) to {k + 1}, "
                 f"which the terms of that stage add up to; it rises by {step:g}: {list(bonus)}",
             )
+        best = self.greatest(bonus, weights)
+        check(
+            best <= _ROUNDING,
+            f"reward.stage_bonus: no state may earn more than 0, or putting off success pays; the last stage "
+            f"({self.stages[-1].name}) can earn {best:g}: lower every bonus by at least as much: {list(bonus)}",
+        )
+
+    def greatest(self, bonus: Sequence[float], weights: Mapping[str, float]) -> float:
+        """The best that any state can earn: the last stage's bonus and all terms that count in it."""
+        terms = math.fsum(weights.get(name, 0.0) for name in self.stages[-1].asks)
+        return bonus[-1] * weights.get(STAGE_TERM, 0.0) + terms
 
 
 @kernel
@@ -185,12 +210,13 @@ def evaluate_rows(
                 else:
                     leaving = min(leaving, value)
         leaving *= leavable[k]
-        gate = (1.0 - leaving) * entered
+        blend = leaving * entered / (leaving * entered + 1.0 - leaving)
+        gate = (1.0 - blend) * entered
         for r in range(terms):
             value = min(max((measured[b, columns[r]] - zero[r]) * scale[r], 0.0), 1.0)
             out[b, r] = value * asked[k, r] * gate
         step = bonus[k + 1] - bonus[k] if k + 1 < bonus.shape[0] else 0.0
-        out[b, terms] = bonus[k] + leaving * step
+        out[b, terms] = bonus[k] + blend * step
 
 
 def load_kernel() -> None:

@@ -14,6 +14,7 @@ from artiskill.scene.props import Prop
 from artiskill.scene.scene import Scene
 from artiskill.sensors.framing import WorldCameraConfig
 from artiskill.sensors.panorama import CamerasConfig
+from artiskill.sensors.render_config import RenderConfig
 from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import InitialState
 from artiskill.tasks.fields import ObservationField
@@ -48,6 +49,7 @@ class Task:
         state_fields: what the D numbers are.
         cameras: what the robot sees through.
         world_camera: what people look through.
+        render: light, floor and background as the robot sees them.
         mask_names: of the k masks that come with what it sees.
         masks: (scene, target) -> (k, G) bool, which of `Scene.visuals` belong to each mask.
     """
@@ -72,5 +74,6 @@ class Task:
     state_fields: tuple[ObservationField, ...]
     cameras: CamerasConfig
     world_camera: WorldCameraConfig
+    render: RenderConfig
     mask_names: tuple[str, ...]
     masks: Callable[[Scene, str], np.ndarray]

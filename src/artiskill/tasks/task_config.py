@@ -1,11 +1,18 @@
-"""What the configurations of all tasks share."""
+"""What the configurations of all tasks share, and how they are read."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
 
-from artiskill.config import check
+from artiskill.config import check, from_mapping, load_yaml, merge_overrides
+from artiskill.robots.config import LIKE, RobotConfig, robot_mapping
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.sensors.framing import WorldCameraConfig
 from artiskill.sensors.panorama import CamerasConfig
+from artiskill.sensors.render_config import RenderConfig, render_mapping
+
+OBSERVED_QUALITY = "fast"  # of the cameras on the robot, unless the configuration says otherwise
 
 
 @dataclass(frozen=True)
@@ -14,21 +21,23 @@ class TaskConfig:
 
     Attributes:
         name: of the task.
-        robot: name of the robot.
+        robot: who acts; in YAML a name, the path of a YAML file, or values that change a robot.
         episode_steps: environment steps until the episode is cut off.
         max_object_joints: joint slots of the state vector.
         physics: rates, solver, contacts.
         cameras: on the robot's base.
         world_camera: for people.
+        render: light, floor and background as the cameras on the robot see them.
     """
 
     name: str
-    robot: str
+    robot: RobotConfig
     episode_steps: int
     max_object_joints: int
     physics: PhysicsConfig
     cameras: CamerasConfig
     world_camera: WorldCameraConfig
+    render: RenderConfig
 
     def __post_init__(self) -> None:
         check(self.episode_steps >= 1, f"episode_steps must be at least 1, not {self.episode_steps}")
@@ -37,3 +46,31 @@ class TaskConfig:
     def steps_of(self, duration_s: float) -> int:
         """How many environment steps a duration is, at least one."""
         return max(1, round(duration_s / self.physics.step_s))
+
+
+Config = TypeVar("Config", bound=TaskConfig)
+
+
+def load_task_config(cls: type[Config], path: Path, overrides: Mapping[str, Any] | None = None) -> Config:
+    """A task's configuration from its YAML file, with robot and render settings filled in, then overrides.
+
+    Args:
+        cls: the task's configuration class.
+        path: of the YAML file.
+        overrides: values to change, keys dotted or nested.
+
+    Raises:
+        UnknownNameError: there is no such robot.
+        ConfigError: the file cannot be read, or a value is missing, unknown or illegal.
+    """
+    values = merge_overrides(_with_robot_mapping(load_yaml(path)), _with_robot_mapping(overrides or {}))
+    if "robot" in values:
+        values["robot"] = robot_mapping(values["robot"])
+    values["render"] = render_mapping(OBSERVED_QUALITY, values.get("render"))
+    return from_mapping(cls, values, source=path.name)
+
+
+def _with_robot_mapping(values: Mapping[str, Any]) -> dict[str, Any]:
+    """A robot's name or path as the mapping that it stands for, so that other values can be laid over it."""
+    robot = values.get("robot")
+    return dict(values) | ({"robot": {LIKE: robot}} if isinstance(robot, str | Path) else {})

@@ -10,7 +10,7 @@ from gymnasium.vector.utils import batch_space
 
 from artiskill.envs.casting import Casting, ObjectChoice
 from artiskill.envs.control import JOINT, Control
-from artiskill.envs.modes import OBSERVERS, RENDER_MODES, check_modes
+from artiskill.envs.modes import OBSERVERS, RENDER_MODES, check_modes, checked_options
 from artiskill.envs.observation import Observer, empty_observation
 from artiskill.envs.state import EnvState
 from artiskill.envs.vector.episodes import Episodes
@@ -24,6 +24,7 @@ from artiskill.envs.vector.observation import (
     row_of,
 )
 from artiskill.envs.vector.options import (
+    RESET_OPTIONS,
     as_autoreset_mode,
     at_least_one,
     per_env,
@@ -113,7 +114,7 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             ConfigError: a level that is no integer in range, a list of another length, an illegal mask.
             UnknownNameError: an unknown option, object or target link.
         """
-        given = dict(options or {})
+        given = checked_options(options, RESET_OPTIONS)
         mask = reset_mask(given, self.num_envs)
         if not mask.all() and not self._episodes.begun:
             raise ResetNeededError("the first reset() must be of all environments")

@@ -45,11 +45,8 @@ def reset_mask(options: Mapping[str, Any], num_envs: int) -> np.ndarray:
     """(B,) bool, which environments a reset is about.
 
     Raises:
-        UnknownNameError: an unknown option.
         ConfigError: a mask that is no array of B booleans, or has none set.
     """
-    for key in options:
-        check_name("reset option", key, RESET_OPTIONS)
     mask = options.get("reset_mask")
     if mask is None:
         return np.ones(num_envs, dtype=bool)

@@ -7,6 +7,7 @@ from artiskill.config import check_positive
 from artiskill.geometry.arrays import Array, columns, namespace
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.move_bucket.goal import BucketGoal, bucket_centre_w
+from artiskill.tasks.move_bucket.success import ball_depth_m
 from artiskill.tasks.staged_reward import Ramp, Stage, StageTable
 from artiskill.tasks.standing import ARRIVAL, SAFELY_NEAR, Stand, StandingConfig, arrival_stages
 from artiskill.tasks.surface import fingertip_distance
@@ -19,12 +20,13 @@ from artiskill.tasks.surface import fingertip_distance
 #   tilt              of the bucket, over what counts as tipping
 #   rise              of the bucket's middle above where it started, over what counts as lifted
 #   rising_speed      of the bucket's root, m/s upwards
+#   ball_depth        of the ball's centre in the box around the bucket's body, m; negative outside
 #   target_distance   of the bucket's root from the platform's centre, in the plane, m
 #   approach_speed    of the bucket's root towards it, m/s
 #   and how it arrives, `standing.ARRIVAL`
 MEASURES = (
     *("hand_distance", "hand_gap", "opposite", "hand_level", "tilt", "rise", "rising_speed"),
-    *("target_distance", "approach_speed", *ARRIVAL),
+    *("ball_depth", "target_distance", "approach_speed", *ARRIVAL),
 )
 TERMS = {
     "hand_distance": Ramp("hand_distance", 2.0, 0.0),
@@ -41,12 +43,12 @@ STAGES = (
     Stage(
         "approach the bucket",
         asks=("hand_distance", "opposite", "hand_level", "upright"),
-        leaves=(Ramp("hand_gap", 2.0, 1.0), Ramp("tilt", 1.2, 1.0)),
+        leaves=(Ramp("hand_gap", 2.0, 1.0), Ramp("tilt", 1.2, 1.0), Ramp("ball_depth", -0.1, 0.0)),
     ),
     Stage(
         "lift it",
         asks=("opposite", "hand_level", "upright", "rise", "rising_speed"),
-        enters=(Ramp("hand_gap", 1.0, 0.8), Ramp("tilt", 1.0, 0.8)),
+        enters=(Ramp("hand_gap", 1.0, 0.8), Ramp("tilt", 1.0, 0.8), Ramp("ball_depth", 0.0, 0.03)),
         leaves=(Ramp("rise", 0.8, 1.0),),
     ),
     Stage(
@@ -69,7 +71,7 @@ class RewardConfig:
         close_distance_m: the hands are close where their fingertips' mean distance to the bucket is below this.
         tipping_rad: a bucket that leans by more than this counts as in the first stage.
         lifted_m: how far its middle must rise to count as lifted.
-        stage_bonus: least reward of each of the five stages.
+        stage_bonus: least reward of each of the five stages, so low that no state earns more than 0.
         weights: term name -> weight; a term that is missing is reported with weight 0.
     """
 
@@ -106,6 +108,7 @@ def bucket_reward_terms(
         tilt,
         rise,
         snapshot.root_velocity_w[:, 2],
+        ball_depth_m(snapshot, goal),
         stand.distance_m,
         stand.approach_speed_m_s,
         *arrival,

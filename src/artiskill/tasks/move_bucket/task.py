@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from functools import partial
 
 from artiskill.config import check, check_inside, check_positive
-from artiskill.robots.config import load_robot
 from artiskill.scene.props import Prop
 from artiskill.tasks import staged_reward
 from artiskill.tasks.move_bucket.goal import make_bucket_goal
@@ -28,7 +27,7 @@ class PropsConfig:
         platform_half_m: half the width of the square platform.
         platform_height_m: of its top above the ground.
         ball_radius_m: of the ball in the bucket.
-        ball_density_kg_m3: likewise.
+        ball_density_kg_m3: of the ball.
         friction: sliding friction of both.
     """
 
@@ -80,10 +79,8 @@ def make_move_bucket(config: MoveBucketConfig) -> Task:
     Raises:
         ConfigError: the robot has not two arms, or starts where its lift cannot be.
     """
-    robot = load_robot(config.robot)
-    check(
-        len(robot.mounts) == 2, f"MoveBucket needs a robot with two arms; {config.robot} has {len(robot.mounts)}"
-    )
+    robot = config.robot
+    check(len(robot.mounts) == 2, f"MoveBucket needs a robot with two arms; {robot.name} has {len(robot.mounts)}")
     check_inside("initial.lift_m", config.initial.lift_m, robot.lift.range_m)
     load_kernel()
     staged_reward.load_kernel()
@@ -110,6 +107,7 @@ def make_move_bucket(config: MoveBucketConfig) -> Task:
         state_fields=state_fields(config.max_object_joints, len(robot.mounts), (BALL,)),
         cameras=config.cameras,
         world_camera=config.world_camera,
+        render=config.render,
         mask_names=MASK_NAMES,
         masks=robot_mask,
     )

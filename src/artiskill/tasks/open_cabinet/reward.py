@@ -70,7 +70,7 @@ class RewardConfig:
     Attributes:
         close_distance_m: the hand is close where both finger lines are this near to the handle, and the handle
             lies between them.
-        stage_bonus: least reward of each of the four stages.
+        stage_bonus: least reward of each of the four stages, so low that no state earns more than 0.
         weights: term name -> weight; a term that is missing is reported with weight 0.
     """
 

@@ -5,7 +5,6 @@ from functools import partial
 
 from artiskill.assets.articulated_object import JointKind
 from artiskill.config import check_inside
-from artiskill.robots.config import load_robot
 from artiskill.tasks import staged_reward
 from artiskill.tasks.open_cabinet.goal import make_open_goal
 from artiskill.tasks.open_cabinet.initial import InitialStateConfig, sample_initial_state
@@ -37,7 +36,7 @@ class OpenCabinetConfig(TaskConfig):
 
 def make_open_cabinet(config: OpenCabinetConfig) -> Task:
     """Assemble the task; doors and drawers differ only in `config`."""
-    robot = load_robot(config.robot)
+    robot = config.robot
     check_inside("initial.lift_m", config.initial.lift_m, robot.lift.range_m)
     load_kernel()
     staged_reward.load_kernel()
@@ -62,6 +61,7 @@ def make_open_cabinet(config: OpenCabinetConfig) -> Task:
         state_fields=state_fields(config.max_object_joints, arms=len(robot.mounts)),
         cameras=config.cameras,
         world_camera=config.world_camera,
+        render=config.render,
         mask_names=MASK_NAMES,
         masks=cabinet_masks,
     )

@@ -54,7 +54,7 @@ class RewardConfig:
     Attributes:
         close_distance_m: the hands are close where their fingertips' mean distance to the chair is below this.
         tipping_rad: a chair that leans by more than this must be left alone until it stands again.
-        stage_bonus: least reward of each of the four stages.
+        stage_bonus: least reward of each of the four stages, so low that no state earns more than 0.
         weights: term name -> weight; a term that is missing is reported with weight 0.
     """
 

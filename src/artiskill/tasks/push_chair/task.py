@@ -5,7 +5,6 @@ from functools import partial
 
 from artiskill.config import check_inside
 from artiskill.geometry.arrays import Array
-from artiskill.robots.config import load_robot
 from artiskill.scene.props import Prop
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks import staged_reward
@@ -53,7 +52,7 @@ def push_flags(snapshot: Snapshot, goal: PushGoal, config: StandingConfig) -> di
 
 def make_push_chair(config: PushChairConfig) -> Task:
     """Assemble the task."""
-    robot = load_robot(config.robot)
+    robot = config.robot
     check_inside("initial.lift_m", config.initial.lift_m, robot.lift.range_m)
     load_kernel()
     staged_reward.load_kernel()
@@ -78,6 +77,7 @@ def make_push_chair(config: PushChairConfig) -> Task:
         state_fields=state_fields(config.max_object_joints, len(robot.mounts)),
         cameras=config.cameras,
         world_camera=config.world_camera,
+        render=config.render,
         mask_names=MASK_NAMES,
         masks=robot_mask,
     )
