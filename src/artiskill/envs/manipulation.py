@@ -44,8 +44,8 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
     ## Observation space
 
     By `obs_mode`; docs/observations.md says more. `agent` is the robot's part of the state, its last A numbers: 38
-    with one arm, 68 with two. K masks: target handle, target link and robot in the cabinet tasks; the robot alone in
-    PushChair and MoveBucket.
+    with one arm, 68 with two. K masks: target handle, target link and robot in the cabinet tasks; the robot alone
+    in PushChair and MoveBucket.
 
     - `state`: `Box` of float32 with finite bounds; `task.state_fields` lists every run of numbers with its unit.
     - `pointcloud`: `{"pointcloud": {"xyz": (192000, 3) float32 world, "rgb": (192000, 3) uint8, "seg":
