@@ -1,0 +1,1 @@
+"""How fast environments step, with the bare engine's speed beside every figure."""
