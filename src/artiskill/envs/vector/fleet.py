@@ -7,7 +7,6 @@ object has another one moves over.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -37,28 +36,28 @@ class Squad:
     Attributes:
         simulation: of all slots.
         members: (S,) which environment of the vector has each slot, or `FREE`.
+        taken: the slots that have an environment, sorted.
         goal: of all slots.
         snapshot: of all slots, now.
     """
 
     def __init__(self, scene: Scene, goal: Goal, slots: int, num_threads: int) -> None:
         self.simulation = Simulation(scene, slots, num_threads)
-        self.members = np.full(slots, FREE)
+        self.members, self.taken = np.full(slots, FREE), np.arange(0)
         self._goals = [goal] * slots
         self.goal: Goal = stack_goals(self._goals)
         self.snapshot: Snapshot = self.simulation.snapshot()
 
-    @property
-    def taken(self) -> np.ndarray:
-        """The slots that have an environment, sorted."""
-        return np.flatnonzero(self.members != FREE)
+    def seat(self, env: int, slot: int) -> None:
+        """Give a slot to an environment, or, with `FREE`, to nobody."""
+        self.members[slot] = env
+        self.taken = np.flatnonzero(self.members != FREE)
 
     def make_room(self, count: int, most: int) -> None:
-        """See to it that `count` slots are free; a squad that grows doubles, but never beyond `most`."""
+        """See to it that `count` slots are free; a squad that grows has some to spare, but never beyond `most`."""
         slots = len(self.members)
-        needed = count - int((self.members == FREE).sum())
-        if needed > 0:
-            grown = min(max(slots + needed, 2 * slots), most)
+        if count > slots - len(self.taken):
+            grown = _with_spare(len(self.taken) + count, most)
             self.simulation.grow(grown)
             self.members = np.append(self.members, np.full(grown - slots, FREE))
             self._goals += [self._goals[0]] * (grown - slots)
@@ -78,6 +77,11 @@ class Squad:
     def look(self) -> None:
         """Bring the snapshot up to date."""
         self.snapshot = self.simulation.snapshot()
+
+
+def _with_spare(count: int, most: int) -> int:
+    """Slots for so many environments: growing takes time, and objects drawn at random come and go."""
+    return min(count + count // 4 + 1, most)
 
 
 class Fleet:
@@ -126,18 +130,18 @@ class Fleet:
     def _leave(self, env: int, layout: Layout) -> None:
         squad = self._squad_of[env]
         if squad is not None and squad is not self._squads.get(layout):
-            squad.members[self.slot[env]] = FREE
+            squad.seat(FREE, int(self.slot[env]))
             self._squad_of[env], self.slot[env] = None, FREE
 
     def _enter(self, layout: Layout, group: list[tuple[int, Start]]) -> Squad:
         new = [env for env, _ in group if self._squad_of[env] is None]
         if layout not in self._squads:
-            start = group[0][1]
-            self._squads[layout] = Squad(start.scene, start.goal, len(new), self._num_threads)
+            start, slots = group[0][1], _with_spare(len(new), self.num_envs)
+            self._squads[layout] = Squad(start.scene, start.goal, slots, self._num_threads)
         squad = self._squads[layout]
         squad.make_room(len(new), self.num_envs)
         for env, slot in zip(new, np.flatnonzero(squad.members == FREE), strict=False):
-            squad.members[slot] = env
+            squad.seat(env, int(slot))
             self._squad_of[env], self.slot[env] = squad, slot
         return squad
 
@@ -155,14 +159,6 @@ class Fleet:
             if active.any():
                 squad.simulation.step(values, None if active.all() else np.flatnonzero(active))
                 squad.look()
-
-    def gather(self, of_squad: Any, like: np.ndarray) -> np.ndarray:
-        """Values of all environments: `of_squad(squad)` is (S, ...), `like` gives dtype and shape behind (B,)."""
-        out = np.empty((self.num_envs, *like.shape[1:]), dtype=like.dtype)
-        for squad in self.squads:
-            taken = squad.taken
-            out[squad.members[taken]] = of_squad(squad)[taken]
-        return out
 
     def __iter__(self) -> Iterator[tuple[Squad, np.ndarray, np.ndarray]]:
         """Each squad with its taken slots and the environments in them."""
