@@ -120,6 +120,36 @@ def test_states_of_other_scenes_are_refused(scene: Scene) -> None:
     np.testing.assert_array_equal(simulation.save().rows, mine.rows)
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        *({"integrator": name} for name in ("implicit", "euler", "rk4")),
+        *({"solver": name} for name in ("cg", "pgs")),
+        {"cone": "pyramidal", "noslip_iterations": 5},
+    ],
+    ids=str,
+)
+def test_other_solvers_move_the_robot_likewise_and_restore_every_bit(scene: Scene, change: dict) -> None:
+    targets = np.full((1, 13), 0.2)
+    targets[:, 11:] = 0.03
+    physics = dataclasses.replace(TASK.physics, **change)
+    simulations = [Simulation(build_scene(TASK.robot, scene.object, p)) for p in (TASK.physics, physics)]
+    for simulation in simulations:
+        simulation.reset([start(scene, 0)])
+        for _ in range(10):
+            simulation.step(targets)
+    usual, other = simulations
+    np.testing.assert_allclose(other.snapshot().robot_qpos, usual.snapshot().robot_qpos, atol=0.01)
+    state = other.save()
+    with pytest.raises(StateError, match="physics configuration"):
+        usual.restore(state)
+    other.step(targets)
+    rows = other.save().rows
+    other.restore(state)
+    other.step(targets)
+    np.testing.assert_array_equal(other.save().rows, rows)
+
+
 def test_physics_that_runs_away_is_an_error(scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)  # the engine leaves a log where it runs
     simulation = Simulation(scene, num_envs=2)
