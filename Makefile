@@ -10,7 +10,7 @@ bootstrap = @$(PYTHON) tools/bootstrap.py --venv $(VENV)
 python = $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-dev demo test test-slow test-rl lint types format bench clean clean-env
+.PHONY: help setup setup-dev demo test test-slow test-rl test-lerobot lint types format bench clean clean-env
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
@@ -40,6 +40,15 @@ test-rl: ## run the tests that need torch or Stable-Baselines3, in .venv-rl
 	$(python) -m pytest tests/envs tests/tasks tests/evaluation -n $(WORKERS) -m "slow or not slow" \
 		-k "sb3 or torch or stable_baselines or example"
 
+test-lerobot: VENV = .venv-lerobot
+test-lerobot: ## let LeRobot read what is exported for it, in .venv-lerobot
+	$(bootstrap) test
+	$(python) -m pip install torch==2.13.0
+	$(python) -m pip install --no-deps lerobot==0.4.4 torchvision==0.23.0
+	$(python) -m pip install "datasets<5" "huggingface-hub<0.36" "av<16" "packaging<26" draccus==0.10.0 jsonlines \
+		deepdiff einops pandas opencv-python-headless termcolor accelerate
+	$(python) -m pytest tests/demos/test_lerobot_library.py -m slow
+
 lint: ## check style and layout
 	$(bootstrap) dev
 	$(python) -m ruff check .
@@ -63,4 +72,4 @@ clean: ## remove results and caches
 	find src tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
 
 clean-env: ## remove the environments too
-	rm -rf $(VENV) .venv-rl
+	rm -rf $(VENV) .venv-rl .venv-lerobot

@@ -5,6 +5,9 @@ from pathlib import Path
 import pytest
 
 from artiskill.cli.main import main
+from artiskill.demos.demo_pack import PACK, load_demo_pack
+
+DRAWERS = str(PACK / "OpenCabinetDrawer")
 
 
 def test_collect_verify_stats(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -35,6 +38,41 @@ def test_collect_verify_stats(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "is not the file that the manifest lists" in capsys.readouterr().out
 
 
+def test_replay_export_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pack = load_demo_pack("OpenCabinetDrawer")
+    name, training = pack.objects[0], str(tmp_path / "training")
+    replay = ["demos", "replay", str(pack.folder), "--out", training, "--obs-mode", "pointcloud", "--points", "60"]
+    replay += [
+        "--objects",
+        name,
+        "--count",
+        "2",
+        "--set",
+        "cameras.width=40",
+        "cameras.height=16",
+        "--workers",
+        "1",
+    ]
+    assert main(replay) == 0
+    shown = capsys.readouterr()
+    assert f"{name}          2        2           2      0.0%      2" in shown.out
+    assert shown.err.splitlines()[-1].startswith(
+        "OpenCabinetDrawer, pointcloud, joint: 2/2 trajectories, 100% solved"
+    )
+    assert main(replay) == 0
+    assert capsys.readouterr().err == ""  # nothing was left to do
+    for file_format in ("minari", "lerobot"):
+        export = ["demos", "export", training, "--format", file_format, "--out", str(tmp_path / file_format)]
+        assert main(export) == 0
+        assert "2 trajectories: " in capsys.readouterr().out
+        assert main(export) == 2
+        assert "exists: remove it" in capsys.readouterr().err
+    picture = str(tmp_path / "picture.png")
+    command = ["demos", "pictures", str(pack.folder), "--object", name, "--out", picture, "--count", "1"]
+    assert main([*command, "--moments", "2", "--width", "40"]) == 0
+    assert capsys.readouterr().out == f"{picture}: {name}, demonstrations 0\n"
+
+
 def test_an_object_that_no_expert_solves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     collect = [
         "demos",
@@ -59,6 +97,20 @@ def test_an_object_that_no_expert_solves(tmp_path: Path, capsys: pytest.CaptureF
         (["collect", "--task", "PushChair", "--out", "x", "--per-object", "0"], "trajectories per object must be"),
         (["verify", "x"], "holds no demonstrations"),
         (["stats", "x"], "holds no demonstrations"),
+        (["replay", "x", "--out", "y", "--obs-mode", "state"], "holds no demonstrations"),
+        (
+            ["replay", DRAWERS, "--out", "y", "--obs-mode", "cloud"],
+            "unknown observation mode 'cloud'; did",
+        ),
+        (
+            ["replay", DRAWERS, "--out", "y", "--obs-mode", "state", "--points", "9"],
+            "--points is for --obs-mode point",
+        ),
+        (["replay", DRAWERS, "--out=y", "--obs-mode", "pointcloud", "--points", "many"], "a number or `all`"),
+        (["replay", DRAWERS, "--out=y", "--obs-mode", "state", "--objects", "chair-0004"], "unknown object"),
+        (["export", DRAWERS, "--format", "minari", "--out", "y"], "holds no training files"),
+        (["export", "x", "--format", "minary", "--out", "y"], "did you mean 'minari'"),
+        (["pictures", DRAWERS, "--object", "x", "--out", "a.png"], "unknown object 'x'"),
         (["collcet"], "unknown command 'collcet'; did you mean 'collect'"),
     ],
 )

@@ -30,6 +30,7 @@ SAYS = {
     "03_evaluate_your_policy.py": ("expert: 100% solved", "solution_example.py: 0% solved", "Sway: 0% solved"),
     "04_train_ppo.py": ("0% solved", "wrote episodes.csv, curve.png"),
     "05_train_ppo_many.py": ("4 environments, 10 objects", "saved a.zip"),
+    "06_demonstrations.py": ("12 demonstrations of", "solved: True, 1200 points"),
     "solution_example.py": (),
 }
 

@@ -2,17 +2,17 @@
 
 from typing import Any
 
-from artiskill.cli import demos_collect, demos_stats, demos_verify
+from artiskill.cli import demos_collect, demos_export, demos_pictures, demos_replay, demos_stats, demos_verify
 
-SUBCOMMANDS = (demos_collect, demos_verify, demos_stats)
+SUBCOMMANDS = (demos_collect, demos_verify, demos_stats, demos_replay, demos_export, demos_pictures)
 
 
 def add_command(commands: Any) -> None:
     """Describe the command and its sub-commands."""
     parser = commands.add_parser(
         "demos",
-        help="collect, verify and count demonstrations",
-        description="Collect, verify and count demonstrations.",
+        help="collect, verify, count, replay, export and draw demonstrations",
+        description="Collect, verify, count, replay, export and draw demonstrations.",
     )
     subcommands = parser.add_subparsers(metavar="SUBCOMMAND", required=True)
     for subcommand in SUBCOMMANDS:

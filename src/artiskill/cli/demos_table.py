@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from artiskill.demos.manifest import FileEntry, Manifest
     from artiskill.demos.plan import Plan
+    from artiskill.demos.replay.manifest import TrainingEntry, TrainingManifest
     from artiskill.demos.stats import ObjectStats, Stats
     from artiskill.demos.verify import Verdict
 
@@ -84,6 +85,36 @@ def print_stats(stats: "Stats") -> None:
         f"{stats.mean_length:.1f} steps and {stats.bytes_per_trajectory / 1000:.1f} kB each",
         soft_wrap=True,
     )
+
+
+def print_replay(manifest: "TrainingManifest", folder: Path, frames: int, seconds: float) -> None:
+    """Print a row per training file, and how fast they were made."""
+    table = _table("object", "replayed", "solved", "bit-exact", "clipped", "kept", "frames", "MB")
+    entries = list(manifest.files.values())
+    for entry in entries:
+        table.add_row(entry.object, *_replay_cells([entry]))
+    table.add_section()
+    table.add_row("all", *_replay_cells(entries), style="bold")
+    console = _console()
+    console.print(table)
+    if frames:
+        console.print(f"{frames} frames in {seconds:.1f} s, {frames / seconds:.0f} per second")
+    console.print(f"training files: {folder}", soft_wrap=True)
+
+
+def _replay_cells(entries: Sequence["TrainingEntry"]) -> list[str]:
+    counts = [entry.counts for entry in entries]
+    replayed, steps = sum(c.replayed for c in counts), sum(c.steps for c in counts)
+    clipped = sum(c.clipped for c in counts)
+    return [
+        str(replayed),
+        f"{sum(c.solved for c in counts)}",
+        f"{sum(c.exact for c in counts)}",
+        f"{clipped / steps:.1%}" if steps else "-",
+        str(sum(entry.trajectories for entry in entries)),
+        str(sum(entry.frames for entry in entries)),
+        f"{sum(entry.bytes for entry in entries) / 1e6:.1f}",
+    ]
 
 
 def _stats_cells(one: "ObjectStats") -> list[str]:

@@ -6,8 +6,8 @@ from pathlib import Path
 from artiskill.assets.catalog import load_object
 from artiskill.demos.attempts import Attempt, Block, run_block
 from artiskill.demos.header import TargetCount
+from artiskill.demos.json_files import MANIFEST
 from artiskill.demos.manifest import (
-    MANIFEST,
     FileEntry,
     Manifest,
     check_file,

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from artiskill.demos.demo_file import DemoFile
-from artiskill.demos.manifest import MANIFEST, Manifest, check_file, read_manifest
+from artiskill.demos.json_files import MANIFEST
+from artiskill.demos.manifest import Manifest, check_file, read_manifest
 from artiskill.demos.trajectory import Trajectory
 from artiskill.errors import DemoError, UnknownNameError
 

@@ -1,14 +1,21 @@
 """HDF5 as demonstrations use it; h5py is an extra."""
 
+import errno
+import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from artiskill.errors import DemoError, MissingExtraError
+from artiskill.errors import ArtiSkillError, DemoError, MissingExtraError
+from artiskill.jobs.whole_files import whole_file
 
 # Structures of HDF5 1.10: small, readable by every library of the last years; the same content, the same bytes.
 _VERSIONS = ("v110", "v110")
+_NO_ROOM = os.strerror(errno.ENOSPC)
+_GROWTH_BYTES = 1 << 20  # of a file in memory
+_SPARE_BYTES, _MEGA = 4_000_000, 1e6
 
 
 def load_h5py() -> Any:
@@ -24,9 +31,78 @@ def load_h5py() -> Any:
     return h5py
 
 
-def new_file(path: Path) -> Any:
-    """A new, empty file, open for writing."""
-    return load_h5py().File(path, "w", libver=_VERSIONS)
+@contextmanager
+def new_whole_file(path: Path) -> Iterator[Any]:
+    """A new file, open for writing; it appears whole, and on the disk, or not at all.
+
+    It is made in memory: HDF5 may take the whole process down with it when it meets a full disk.
+
+    Raises:
+        DemoError: it cannot be written.
+    """
+    memory = {"driver": "core", "backing_store": False, "block_size": _GROWTH_BYTES}
+    with load_h5py().File(path.name, "w", libver=_VERSIONS, **memory) as file:
+        yield file
+        file.flush()
+        image = file.id.get_file_image()
+    with writing(path), whole_file(path) as temporary, temporary.open("wb") as written:
+        written.write(image)
+        written.flush()
+        os.fsync(written.fileno())
+
+
+@contextmanager
+def new_large_file(path: Path, room: int) -> Iterator[Any]:
+    """`new_whole_file` of one that memory may not hold; that the disk can is seen to beforehand.
+
+    Args:
+        path: of the file.
+        room: bytes that it will take at most.
+
+    Raises:
+        DemoError: it cannot be written, or there is no room for it.
+    """
+    check_room(path, room)
+    with writing(path), whole_file(path) as temporary:
+        with load_h5py().File(temporary, "w", libver=_VERSIONS) as file:
+            yield file
+        with temporary.open("rb") as written:
+            os.fsync(written.fileno())
+
+
+def check_room(path: Path, room: int) -> None:
+    """See whether there is room on the disk for a file, and a little more.
+
+    Raises:
+        DemoError: there is not.
+    """
+    free = shutil.disk_usage(next(folder for folder in path.parents if folder.is_dir())).free
+    wanted = room + room // 50 + _SPARE_BYTES
+    if wanted > free:
+        needs = f"{wanted / _MEGA:.0f} MB may be needed, {free / _MEGA:.0f} MB are free"
+        raise DemoError(f"cannot write {str(path)!r}: {_NO_ROOM}: {needs}")
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turn what is raised when a file cannot be written into an error that names it and the reason.
+
+    Raises:
+        DemoError: it cannot be written.
+    """
+    try:
+        yield
+    except (OSError, RuntimeError) as error:  # h5py has both for a disk that is full
+        if isinstance(error, ArtiSkillError):
+            raise
+        raise DemoError(f"cannot write {str(path)!r}: {_reason(error)}") from error
+
+
+def _reason(error: Exception) -> str:
+    """One line."""
+    if _NO_ROOM in str(error):
+        return _NO_ROOM
+    return getattr(error, "strerror", None) or (str(error).splitlines() or [type(error).__name__])[0]
 
 
 def open_file(path: Path) -> Any:
@@ -58,6 +134,8 @@ def reading(path: Path, what: str) -> Iterator[None]:
     except (OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, AttributeError) as error:
         if isinstance(error, DemoError):
             raise
+        if _NO_ROOM in str(error):  # of copying from this file to another one
+            raise OSError(errno.ENOSPC, _NO_ROOM) from error
         raise DemoError(f"{str(path)!r} is damaged: cannot read {what} ({error})") from error
 
 

@@ -102,18 +102,28 @@ class Header:
         )
 
 
-def check_format(given: object, version: Any, path: Path) -> None:
+def check_format(
+    given: object, version: Any, path: Path, wanted: str = FORMAT, legal: int = SCHEMA_VERSION, what: str = ""
+) -> None:
     """See whether a file is one of ours, of this version.
+
+    Args:
+        given: its format.
+        version: of its schema.
+        path: for the error.
+        wanted: the format.
+        legal: version of the schema.
+        what: files of the format hold; by default demonstrations.
 
     Raises:
         DemoError: it is not.
     """
-    if given != FORMAT:
-        raise DemoError(f"{str(path)!r} holds no demonstrations of artiskill")
-    if version != SCHEMA_VERSION:
+    if given != wanted:
+        raise DemoError(f"{str(path)!r} holds no {what or 'demonstrations'} of artiskill")
+    if version != legal:
         raise DemoError(
-            f"{str(path)!r} has schema version {version}; this version of artiskill reads {SCHEMA_VERSION}: "
-            "use the version of artiskill that wrote it, or collect anew"
+            f"{str(path)!r} has schema version {version}; this version of artiskill reads {legal}: "
+            "use the version of artiskill that wrote it, or make it anew"
         )
 
 

@@ -1,17 +1,13 @@
 """`manifest.json` of a folder of demonstrations: its settings, and its files with their checksums."""
 
 import hashlib
-import json
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from artiskill.config import from_mapping, to_mapping
-from artiskill.demos.header import FORMAT, SCHEMA_VERSION, TargetCount, check_format
+from artiskill.demos.header import FORMAT, SCHEMA_VERSION, TargetCount
+from artiskill.demos.json_files import read_json, write_json
 from artiskill.demos.settings import Settings
-from artiskill.errors import ConfigError, DemoError
-from artiskill.jobs.whole_files import whole_file
-
-MANIFEST = "manifest.json"
+from artiskill.errors import DemoError
 
 
 @dataclass(frozen=True)
@@ -58,20 +54,7 @@ def read_manifest(folder: Path) -> Manifest:
     Raises:
         DemoError: it has none, or one that is damaged, foreign or of another version.
     """
-    path = folder / MANIFEST
-    try:
-        given = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise DemoError(f"{str(folder)!r} holds no demonstrations: it has no {MANIFEST}") from error
-    except (OSError, ValueError) as error:
-        raise DemoError(f"{str(path)!r} is damaged: {error}") from error
-    if not isinstance(given, dict):
-        raise DemoError(f"{str(path)!r} holds no demonstrations of artiskill")
-    check_format(given.pop("format", None), given.pop("schema_version", None), path)
-    try:
-        return from_mapping(Manifest, given, str(path))
-    except ConfigError as error:
-        raise DemoError(f"a damaged manifest: {error}") from error
+    return read_json(Manifest, folder, FORMAT, SCHEMA_VERSION, "demonstrations")
 
 
 def write_manifest(manifest: Manifest, folder: Path) -> None:
@@ -80,12 +63,7 @@ def write_manifest(manifest: Manifest, folder: Path) -> None:
     Raises:
         DemoError: it cannot be written.
     """
-    content = {"format": FORMAT, "schema_version": SCHEMA_VERSION, **to_mapping(manifest)}
-    try:
-        with whole_file(folder / MANIFEST) as temporary:
-            temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise DemoError(f"cannot write to {str(folder)!r}: {error.strerror or error}") from error
+    write_json(manifest, folder, FORMAT, SCHEMA_VERSION)
 
 
 def sha256_of(path: Path) -> str:

@@ -108,12 +108,12 @@ class Settings:
 
     def differences(self, other: "Settings") -> str:
         """What is not the same in another one's, as text; empty if all is."""
-        return "; ".join(_differences(to_mapping(self), to_mapping(other)))
+        return "; ".join(differing(to_mapping(self), to_mapping(other)))
 
     @property
     def other_versions(self) -> str:
         """Which versions are not those of this process, as text; empty if all are."""
-        return "; ".join(_differences(self.versions, versions()))
+        return "; ".join(differing(self.versions, versions()))
 
 
 def task_hash(task: Task) -> str:
@@ -131,12 +131,13 @@ def plain(config: Any) -> Any:
     return json.loads(json.dumps(to_mapping(config)))
 
 
-def _differences(mine: Mapping[str, Any], theirs: Mapping[str, Any], prefix: str = "") -> list[str]:
+def differing(mine: Mapping[str, Any], theirs: Mapping[str, Any], prefix: str = "") -> list[str]:
+    """What is not the same in two nested mappings, a text each."""
     found = []
     for key in dict.fromkeys((*mine, *theirs)):
         one, other = mine.get(key), theirs.get(key)
         if isinstance(one, Mapping) and isinstance(other, Mapping):
-            found += _differences(one, other, f"{prefix}{key}.")
+            found += differing(one, other, f"{prefix}{key}.")
         elif one != other:
             found.append(f"{prefix}{key} {_text(one)} there, {_text(other)} here")
     return found

@@ -1,6 +1,5 @@
 """Writing the file of an object: header, attempts, trajectories."""
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,12 +9,11 @@ import numpy as np
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.demos.attempts import Attempt
 from artiskill.demos.columns import Columns
-from artiskill.demos.hdf5 import new_file, write_compressed
+from artiskill.demos.hdf5 import new_whole_file, write_compressed
 from artiskill.demos.header import Header, TargetCount, object_facts
 from artiskill.demos.recording import ARRAYS
 from artiskill.demos.settings import Settings
 from artiskill.errors import DemoError
-from artiskill.jobs.whole_files import whole_file
 
 ATTEMPTS = "attempts"
 # a row of the dataset `attempts`; `target` counts the header's targets, `trajectory` is -1 where none is stored
@@ -66,14 +64,8 @@ def write_object_file(path: Path, header: Header, attempts: Sequence[Attempt]) -
     Raises:
         DemoError: it cannot be written.
     """
-    try:
-        with whole_file(path) as temporary:
-            with new_file(temporary) as file:
-                _fill(file, header, attempts)
-            with temporary.open("rb") as written:
-                os.fsync(written.fileno())
-    except (OSError, RuntimeError) as error:  # h5py has both for a disk that is full
-        raise DemoError(f"cannot write {str(path)!r}: {getattr(error, 'strerror', None) or error}") from error
+    with new_whole_file(path) as file:
+        _fill(file, header, attempts)
 
 
 def _fill(file: Any, header: Header, attempts: Sequence[Attempt]) -> None:

@@ -1,0 +1,1 @@
+"""From demonstrations to training files: other observations, another control mode, fewer points."""

@@ -1,0 +1,165 @@
+"""Trajectories of one object that a worker replays at a stretch, into a file of their own."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.demos.demo_file import DemoFile
+from artiskill.demos.hdf5 import new_whole_file, open_file, reading
+from artiskill.demos.replay.episodes import Outcome, restore, simulate
+from artiskill.demos.replay.layout import TrajectoryWriter
+from artiskill.demos.replay.settings import SIMULATE, ReplaySettings
+from artiskill.envs.control import Control
+from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.errors import DemoError
+
+OUTCOMES, SOURCE = "outcomes", "source_sha256"
+# a row of the dataset `outcomes`; `source` is the trajectory's number in the demonstrations, `trajectory` that in
+# this file, -1 where it is not kept
+OUTCOME_TYPE = np.dtype(
+    [
+        ("source", "<i4"),
+        ("success", "<i1"),
+        ("exact", "<i1"),
+        ("steps", "<i4"),
+        ("clipped", "<i4"),
+        ("trajectory", "<i4"),
+    ]
+)
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """News: one more trajectory.
+
+    Attributes:
+        frames: observations that it has.
+        success: whether it is solved.
+    """
+
+    frames: int
+    success: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Work for one worker.
+
+    Attributes:
+        settings: of the training files.
+        path: of the file of demonstrations.
+        source_sha256: of it.
+        object: whose they are.
+        given: the object, where no name leads to it.
+        numbers: of the trajectories.
+        part: where to write them.
+    """
+
+    settings: ReplaySettings
+    path: Path
+    source_sha256: str
+    object: str
+    given: ArticulatedObject | None
+    numbers: tuple[int, ...]
+    part: Path
+
+    @property
+    def label(self) -> str:
+        """As errors call it."""
+        return f"object {self.object}, trajectories from {self.numbers[0]}"
+
+    def is_done(self) -> bool:
+        """Whether its file is there, whole, and made from the same demonstrations."""
+        if not self.part.is_file():
+            return False
+        try:
+            with open_file(self.part) as file:
+                is_ours = file.attrs.get(SOURCE) == self.source_sha256
+                return bool(is_ours and file[OUTCOMES]["source"].tolist() == list(self.numbers))
+        except (DemoError, KeyError, OSError, RuntimeError):
+            return False
+
+
+def run_block(block: Block, tell: Callable[[Replayed], None]) -> None:
+    """Replay a block's trajectories, and tell of each.
+
+    Raises:
+        DemoError: the demonstrations are damaged or do not fit, or the part cannot be written.
+    """
+    settings = block.settings
+    with DemoFile(block.path) as demos:
+        obj = demos.load_object(block.given)
+        env = settings.make_env(obj)
+        source = Control(env.task.robot, settings.source.control_mode)
+        with new_whole_file(block.part) as file:
+            outcomes = []
+            for number in block.numbers:
+                outcome = _replay_one(file, demos, number, env, obj, source, settings)
+                outcomes.append(outcome)
+                tell(Replayed(outcome.steps + 1, outcome.success))
+            file.attrs[SOURCE] = block.source_sha256
+            file.create_dataset(OUTCOMES, data=outcome_table(outcomes))
+
+
+def outcome_table(outcomes: list[Outcome]) -> np.ndarray:
+    """The rows of `outcomes`."""
+    table = np.zeros(len(outcomes), dtype=OUTCOME_TYPE)
+    kept = 0
+    for row, outcome in zip(table, outcomes, strict=True):
+        for name in ("source", "success", "exact", "steps", "clipped"):
+            row[name] = getattr(outcome, name)
+        row["trajectory"] = kept if outcome.kept else -1
+        kept += outcome.kept
+    return table
+
+
+def read_outcomes(file: Any, path: Path) -> list[Outcome]:
+    """What `outcome_table` wrote.
+
+    Raises:
+        DemoError: it is damaged.
+    """
+    with reading(path, OUTCOMES):
+        return [
+            Outcome(
+                source=int(row["source"]),
+                success=bool(row["success"]),
+                exact=bool(row["exact"]),
+                steps=int(row["steps"]),
+                clipped=int(row["clipped"]),
+                kept=int(row["trajectory"]) >= 0,
+            )
+            for row in file[OUTCOMES][()]
+        ]
+
+
+def _replay_one(
+    file: Any,
+    demos: DemoFile,
+    number: int,
+    env: ManipulationEnv,
+    obj: ArticulatedObject,
+    source: Control,
+    settings: ReplaySettings,
+) -> Outcome:
+    trajectory = demos.trajectory(number)
+    group = file.create_group(f"source_{number}")
+    writer = TrajectoryWriter(group, env.observation_space, settings.compression)
+    play = simulate if settings.way == SIMULATE else restore
+    outcome = play(number, trajectory, env, obj, source, writer)
+    if not outcome.success and not settings.keep_failures:
+        del file[group.name]  # what it took in the file is not copied to the next one
+        return outcome
+    about = {
+        "target": trajectory.target,
+        "level": trajectory.level,
+        "success": outcome.success,
+        "exact": outcome.exact,
+        "source": number,
+    }
+    writer.close(env.control.size, **about)
+    return replace(outcome, kept=True)

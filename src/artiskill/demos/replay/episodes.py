@@ -1,0 +1,140 @@
+"""One trajectory once more, seen with other eyes: simulated from its level, or its states put in place."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.demos.demonstrator import Replay
+from artiskill.demos.instants import digest_of
+from artiskill.demos.replay.layout import TrajectoryWriter
+from artiskill.demos.replay.retarget import Retarget, converted_at
+from artiskill.demos.trajectory import Trajectory
+from artiskill.envs.control import Control
+from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.errors import DivergedError
+from artiskill.scene.cache import cached_scene
+from artiskill.sim.placing import placed
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a trajectory.
+
+    Attributes:
+        source: its number in the file of demonstrations.
+        success: whether it is solved.
+        exact: whether it ends in the recorded state, bit for bit; of the way `restore`, of the same actions.
+        steps: that it has now.
+        clipped: actions that could not ask for the recorded drive targets.
+        kept: whether it is in the training file.
+        fault: what ended it, where that was not the episode's end: a text; else empty.
+    """
+
+    source: int
+    success: bool
+    exact: bool
+    steps: int
+    clipped: int
+    kept: bool = False
+    fault: str = ""
+
+
+@dataclass(frozen=True)
+class OutcomeCounts:
+    """What came of many trajectories.
+
+    Attributes:
+        replayed: how many there were.
+        solved: of them.
+        exact: likewise.
+        steps: of all.
+        clipped: of these steps.
+    """
+
+    replayed: int
+    solved: int
+    exact: int
+    steps: int
+    clipped: int
+
+    @classmethod
+    def of(cls, outcomes: Sequence[Outcome]) -> "OutcomeCounts":
+        """The sums."""
+        return cls(
+            replayed=len(outcomes),
+            solved=sum(one.success for one in outcomes),
+            exact=sum(one.exact for one in outcomes),
+            steps=sum(one.steps for one in outcomes),
+            clipped=sum(one.clipped for one in outcomes),
+        )
+
+
+def simulate(
+    number: int,
+    trajectory: Trajectory,
+    env: ManipulationEnv,
+    obj: ArticulatedObject,
+    source: Control,
+    writer: TrajectoryWriter,
+) -> Outcome:
+    """Play the actions from the level on; `env` may have another control mode than they have."""
+    is_same = source.mode == env.control.mode
+    player = Replay(trajectory.actions) if is_same else Retarget(trajectory, source)
+    observation, info = env.reset(options={"level": trajectory.level, "object": obj, "target": trajectory.target})
+    player.begin(env)
+    writer.observe(observation)
+    done, fault = False, ""
+    try:
+        while not done and (action := player.act(env)) is not None:
+            observation, reward, terminated, truncated, info = env.step(action)
+            done = terminated or truncated
+            writer.step(action, reward, done, info["success"])
+            writer.observe(observation)
+    except DivergedError as error:
+        fault = str(error)
+    steps = len(writer)
+    is_exact = is_same and not fault and steps == len(trajectory)
+    return Outcome(
+        source=number,
+        success=bool(info["success"]) and not fault,
+        exact=is_exact and digest_of(env.save_state().simulation) == int(trajectory.recording.digests[-1]),
+        steps=steps,
+        clipped=0 if isinstance(player, Replay) else player.clipped,
+        fault=fault,
+    )
+
+
+def restore(
+    number: int,
+    trajectory: Trajectory,
+    env: ManipulationEnv,
+    obj: ArticulatedObject,
+    source: Control,
+    writer: TrajectoryWriter,
+) -> Outcome:
+    """Put every recorded state in place; rewards and successes are the recorded ones.
+
+    States are exact where the file has them so, else rounded as it has them. Nothing is simulated, so that this
+    works with demonstrations of another version of the engine, too.
+    """
+    scene = cached_scene(env.task.robot, obj, env.task.physics, env.task.props)
+    exact = set(trajectory.exact_steps.tolist())
+    recording, states = trajectory.recording, trajectory.states
+    solved = [bool(row.all()) for row in recording.flags]
+    clipped, steps = 0, len(trajectory)
+    state = trajectory.env_state(0)
+    observation, _ = env.restore_state(state)
+    writer.observe(observation)
+    for step, recorded in enumerate(trajectory.actions, start=1):
+        action, is_met = converted_at(recorded, source, env)
+        clipped += not is_met
+        if step in exact:
+            state = trajectory.env_state(step)
+        else:
+            values = {name: value[step] for name, value in states.items()}
+            simulation = placed(state.simulation, scene, values, env.snapshot)
+            state = replace(state, simulation=simulation, elapsed=step)
+        observation, _ = env.restore_state(state)
+        writer.step(action, recording.rewards[step - 1], step == steps, solved[step - 1])
+        writer.observe(observation)
+    return Outcome(number, trajectory.success, source.mode == env.control.mode, len(trajectory), clipped)

@@ -1,0 +1,58 @@
+"""The training file of an object, out of the files that its blocks were replayed into."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from artiskill.config import to_mapping
+from artiskill.demos.hdf5 import new_large_file, open_file
+from artiskill.demos.manifest import FileEntry, sha256_of
+from artiskill.demos.replay.blocks import OUTCOMES, SOURCE, Block, outcome_table, read_outcomes
+from artiskill.demos.replay.episodes import Outcome, OutcomeCounts
+from artiskill.demos.replay.manifest import FORMAT, SCHEMA_VERSION, TrainingEntry
+from artiskill.demos.replay.settings import ReplaySettings
+
+
+def merge(path: Path, blocks: Sequence[Block], source: FileEntry, settings: ReplaySettings) -> TrainingEntry:
+    """Write the file; what is compressed is copied as it is.
+
+    Args:
+        path: of the file.
+        blocks: replayed, in order.
+        source: of the demonstrations.
+        settings: of the training files.
+
+    Raises:
+        DemoError: a block's file is damaged, or the file cannot be written.
+    """
+    outcomes: list[Outcome] = []
+    frames = kept = 0
+    with new_large_file(path, sum(block.part.stat().st_size for block in blocks)) as file:
+        for block in blocks:
+            with open_file(block.part) as part:
+                for outcome in read_outcomes(part, block.part):
+                    outcomes.append(outcome)
+                    if outcome.kept:
+                        part.copy(f"source_{outcome.source}", file, name=f"traj_{kept}")
+                        kept, frames = kept + 1, frames + outcome.steps + 1
+        file.create_dataset(OUTCOMES, data=outcome_table(outcomes))
+        file.attrs.update(
+            {
+                "format": FORMAT,
+                "schema_version": SCHEMA_VERSION,
+                "object": source.object,
+                "content_hash": source.content_hash,
+                SOURCE: source.sha256,
+                "settings": json.dumps(to_mapping(settings)),
+            }
+        )
+    return TrainingEntry(
+        object=source.object,
+        content_hash=source.content_hash,
+        source_sha256=source.sha256,
+        sha256=sha256_of(path),
+        bytes=path.stat().st_size,
+        trajectories=kept,
+        frames=frames,
+        counts=OutcomeCounts.of(outcomes),
+    )

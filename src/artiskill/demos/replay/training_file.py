@@ -1,0 +1,141 @@
+"""`TrainingFile` and `TrainingFiles`: training files, open for reading."""
+
+import json
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.assets.catalog import list_objects, load_object
+from artiskill.config import from_mapping
+from artiskill.demos.hdf5 import open_file, reading
+from artiskill.demos.header import check_format
+from artiskill.demos.replay.manifest import (
+    FORMAT,
+    SCHEMA_VERSION,
+    WHAT,
+    TrainingManifest,
+    read_training_manifest,
+)
+from artiskill.demos.replay.settings import ReplaySettings
+from artiskill.errors import ArtiSkillError, DemoError
+
+
+class TrainingFile:
+    """The training file of one object; a context manager that closes it.
+
+    Args:
+        path: of the file.
+
+    Attributes:
+        path: of the file.
+        object: id.
+        settings: how it was made.
+        groups: the trajectories, as h5py groups; docs/demonstrations.md says what is in them.
+
+    Raises:
+        DemoError: there is no such file, or it is damaged, foreign or of another version.
+        MissingExtraError: h5py is not installed.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self.path = Path(path)
+        self._file = open_file(self.path)
+        try:
+            with reading(self.path, "its attributes"):
+                given = dict(self._file.attrs)
+                check_format(
+                    given.get("format"), given.get("schema_version"), self.path, FORMAT, SCHEMA_VERSION, WHAT
+                )
+                self.object = str(given["object"])
+                self.settings = from_mapping(ReplaySettings, json.loads(given["settings"]), str(self.path))
+                count = sum(name.startswith("traj_") for name in self._file)
+                self.groups: list[Any] = [self._file[f"traj_{i}"] for i in range(count)]
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        """Itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the file."""
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._file.close()
+
+    def __len__(self) -> int:
+        """How many trajectories it holds."""
+        return len(self.groups)
+
+    def array(self, i: int, path: str) -> np.ndarray:
+        """One array of a trajectory: `actions`, or `obs/pointcloud/xyz`, say.
+
+        Raises:
+            IndexError: there are not so many trajectories.
+            DemoError: there is no such array, or it is damaged.
+        """
+        if not 0 <= i < len(self):
+            raise IndexError(f"{str(self.path)!r} has the trajectories 0 to {len(self) - 1}, not {i}")
+        with reading(self.path, f"{path} of trajectory {i}"):
+            found: np.ndarray = self.groups[i][path][()]
+            return found
+
+
+class TrainingFiles:
+    """A folder of training files.
+
+    Args:
+        path: of the folder.
+
+    Attributes:
+        folder: of the files.
+        manifest: how they were made, and what they hold.
+
+    Raises:
+        DemoError: the folder holds no training files, or one is missing.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self.folder = Path(path)
+        self.manifest: TrainingManifest = read_training_manifest(self.folder)
+        for name in self.manifest.files:
+            if not (self.folder / name).is_file():
+                raise DemoError(f"{str(self.folder / name)!r} is missing: the manifest lists it")
+
+    @property
+    def settings(self) -> ReplaySettings:
+        """How the files were made."""
+        return self.manifest.settings
+
+    def __len__(self) -> int:
+        """How many trajectories there are."""
+        return sum(entry.trajectories for entry in self.manifest.files.values())
+
+    def files(self) -> Iterator[TrainingFile]:
+        """All files, one after the other; each is closed before the next is opened."""
+        for name in self.manifest.files:
+            with TrainingFile(self.folder / name) as file:
+                yield file
+
+    @cached_property
+    def spaces(self) -> tuple[Any, Any]:
+        """Spaces of observations and of actions, as the environment has them."""
+        env = self.settings.make_env(self._any_object())
+        return env.observation_space, env.action_space
+
+    def _any_object(self) -> ArticulatedObject:
+        """One of the task's objects: the spaces do not depend on it."""
+        try:
+            return load_object(list_objects(task=self.settings.source.task)[0])
+        except ArtiSkillError as error:
+            raise DemoError(f"{str(self.folder)!r}: cannot make its environment: {error}") from error

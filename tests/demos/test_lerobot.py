@@ -1,0 +1,120 @@
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.demos.test_minari import TASK, training_files
+
+from artiskill.demos.export.lerobot import export_lerobot
+from artiskill.demos.export.lerobot_features import action_names
+from artiskill.demos.export.lerobot_stats import add_up, numbers_stats, pictures_stats
+from artiskill.demos.replay.training_file import TrainingFile
+from artiskill.envs.control import JOINT, OPERATIONAL
+from artiskill.errors import DemoError, MissingExtraError
+
+parquet = pytest.importorskip("pyarrow.parquet")
+
+
+def test_columns_and_episodes(tmp_path: Path) -> None:
+    training = training_files(tmp_path / "t", "pointcloud")
+    path = export_lerobot(training, tmp_path / "home")
+    assert path == tmp_path / "home" / f"artiskill/{TASK}-joint-pointcloud"
+    info = json.loads((path / "meta/info.json").read_text())
+    rows = parquet.read_table(path / info["data_path"].format(chunk_index=0, file_index=0))
+    episodes = parquet.read_table(path / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    tasks = parquet.read_table(path / "meta/tasks.parquet").to_pylist()
+    assert tasks == [{"task_index": 0, "__index_level_0__": "Open the marked drawer of the cabinet."}]
+    assert list(info["features"]) == rows.column_names
+    assert (info["codebase_version"], info["fps"], info["total_episodes"]) == ("v3.0", 20, 2)
+    assert info["total_frames"] == len(rows) == episodes[-1]["dataset_to_index"]
+    assert info["video_path"] is None
+    stats = json.loads((path / "meta/stats.json").read_text())
+    assert stats.keys() == info["features"].keys()
+    assert np.shape(stats["observation.pointcloud.xyz"]["mean"]) == (1, 3)
+    with TrainingFile(next(training.folder.glob("*.h5"))) as file:
+        for number, episode in enumerate(episodes):
+            part = rows.slice(episode["dataset_from_index"], episode["length"])
+            count = episode["length"]
+            assert part["frame_index"].to_pylist() == list(range(count))
+            assert set(part["episode_index"].to_pylist()) == {number}
+            assert part["timestamp"].to_numpy() == pytest.approx(np.arange(count) / 20)
+            found = file.array
+            np.testing.assert_array_equal(part["action"].to_pylist(), found(number, "actions"))
+            np.testing.assert_array_equal(part["observation.state"].to_pylist(), found(number, "obs/agent")[:-1])
+            for name in ("xyz", "rgb", "seg"):
+                cloud = part[f"observation.pointcloud.{name}"].to_pylist()
+                np.testing.assert_array_equal(cloud, found(number, f"obs/pointcloud/{name}")[:-1])
+            np.testing.assert_array_equal(part["next.success"].to_pylist(), found(number, "success"))
+            assert part["next.done"].to_pylist() == [False] * (count - 1) + [True]
+            assert (episode["object"], episode["level"]) == (file.object, file.groups[number].attrs["level"])
+            mean = found(number, "actions").mean(axis=0)
+            np.testing.assert_allclose(episode["stats/action/mean"], mean, atol=1e-6)
+
+
+def test_videos(tmp_path: Path) -> None:
+    ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    training = training_files(tmp_path / "t", "rgbd")
+    path = export_lerobot(training, tmp_path / "home", "mine/drawers")
+    info = json.loads((path / "meta/info.json").read_text())
+    keys = [key for key, feature in info["features"].items() if feature["dtype"] == "video"]
+    cameras = [f"observation.images.{name}" for name in ("front", "left", "right")]
+    assert keys == [key for camera in cameras for key in (camera, f"{camera}_masks")]
+    episodes = parquet.read_table(path / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    with TrainingFile(next(training.folder.glob("*.h5"))) as file:
+        rgb = np.concatenate([file.array(k, "obs/rgbd/rgb")[:-1] for k in range(2)])
+        seg = np.concatenate([file.array(k, "obs/rgbd/seg")[:-1] for k in range(2)])
+    for camera, key in enumerate(cameras):
+        assert info["features"][key]["shape"] == [34, 32, 3]
+        for name, wanted in ((key, rgb), (f"{key}_masks", seg * np.uint8(255))):
+            place = info["video_path"].format(video_key=name, chunk_index=0, file_index=0)
+            command = [ffmpeg.get_ffmpeg_exe(), "-v", "error", "-i", str(path / place)]
+            raw = subprocess.run(
+                [*command, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], capture_output=True, check=True
+            )
+            frames = np.frombuffer(raw.stdout, np.uint8).reshape(-1, 34, 32, 3)
+            assert len(frames) == info["total_frames"]
+            own = wanted[..., 3 * camera : 3 * camera + 3].astype(float)
+            assert np.abs(frames - own).mean() < 8  # H.264 loses colour at edges
+    starts = [episode[f"videos/{cameras[0]}/from_timestamp"] for episode in episodes]
+    assert starts == [0.0, episodes[0]["length"] / 20]
+
+
+def test_the_same_bytes_again(tmp_path: Path) -> None:
+    training = training_files(tmp_path / "t", "rgbd", 1)
+    one, other = (export_lerobot(training, tmp_path / home) for home in ("a", "b"))
+    files = [path.relative_to(one) for path in one.rglob("*") if path.is_file()]
+    assert len(files) == 11
+    assert all((one / name).read_bytes() == (other / name).read_bytes() for name in files)
+
+
+def test_stats() -> None:
+    rng = np.random.default_rng(0)
+    first, second = rng.normal(size=(50, 4)), rng.normal(size=(30, 4))
+    total = add_up([{"x": numbers_stats(first)}, {"x": numbers_stats(second)}])["x"]
+    both = np.concatenate((first, second))
+    for name, wanted in (("mean", both.mean(0)), ("std", both.std(0)), ("min", both.min(0)), ("max", both.max(0))):
+        np.testing.assert_allclose(total[name], wanted)
+    assert total["count"] == [80]
+    assert numbers_stats(first[:, 0])["q50"].shape == (1,)
+    pictures = np.zeros((7, 8, 8, 3), np.uint8)
+    pictures[..., 1] = 255
+    assert pictures_stats(pictures)["mean"].tolist() == [[[0.0]], [[1.0]], [[0.0]]]
+
+
+def test_names_of_actions() -> None:
+    assert len(action_names(JOINT, 1)) == len(set(action_names(OPERATIONAL, 1))) == 13
+    assert len(set(action_names(JOINT, 2))) == 22
+
+
+def test_bad_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    training = training_files(tmp_path / "t", "state", 1)
+    export_lerobot(training, tmp_path, "x")
+    with pytest.raises(DemoError, match="exists: remove it"):
+        export_lerobot(training, tmp_path, "x")
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(MissingExtraError, match=r"artiskill\[lerobot\]"):
+        export_lerobot(training, tmp_path, "y")
+    assert not (tmp_path / "y").exists()
+    assert not list(tmp_path.glob(".part-*"))
