@@ -191,17 +191,7 @@ class Simulation:
             StateError: the state comes from another scene or batch size.
         """
         self.check_state(state, env_ids)
-        ids = np.arange(self.num_envs) if env_ids is None else np.asarray(env_ids)
-        for k, i in enumerate(ids):
-            model = self._models[i]
-            model.dof_frictionloss[self._places.dof] = state.joint_friction[k]
-            model.dof_damping[self._places.dof] = state.joint_damping[k]
-            model.jnt_range[self._places.joints] = state.joint_limits[k]
-        self._batch.set_models(self._models)
-        self._batch.state[ids] = state.rows
-        self._batch.forward(ids, stage=_CURRENT)
-        self._previous_position[ids] = state.previous_link_position_w
-        self._previous_quaternion[ids] = state.previous_link_quaternion_w
+        self._take(state, np.arange(self.num_envs) if env_ids is None else np.asarray(env_ids))
 
     def spread(self, state: SimulationState) -> None:
         """Put all environments at one saved instant (B = 1), as predictive controllers do.
@@ -210,15 +200,20 @@ class Simulation:
             StateError: the state comes from another scene, or is of several environments.
         """
         self.check_state(state, [0])
-        for model in self._models:
-            model.dof_frictionloss[self._places.dof] = state.joint_friction[0]
-            model.dof_damping[self._places.dof] = state.joint_damping[0]
-            model.jnt_range[self._places.joints] = state.joint_limits[0]
+        self._take(state, np.arange(self.num_envs))
+
+    def _take(self, state: SimulationState, ids: np.ndarray) -> None:
+        """Put environments at a state: each at its own, or all at the same."""
+        for k, i in enumerate(ids):
+            model, row = self._models[i], k % len(state.rows)
+            model.dof_frictionloss[self._places.dof] = state.joint_friction[row]
+            model.dof_damping[self._places.dof] = state.joint_damping[row]
+            model.jnt_range[self._places.joints] = state.joint_limits[row]
         self._batch.set_models(self._models)
-        self._batch.state[:] = state.rows
-        self._batch.forward(stage=_CURRENT)
-        self._previous_position[:] = state.previous_link_position_w
-        self._previous_quaternion[:] = state.previous_link_quaternion_w
+        self._batch.state[ids] = state.rows
+        self._batch.forward(ids, stage=_CURRENT)
+        self._previous_position[ids] = state.previous_link_position_w
+        self._previous_quaternion[ids] = state.previous_link_quaternion_w
 
     def check_state(self, state: SimulationState, env_ids: Sequence[int] | None = None) -> None:
         """See whether `restore` would take a state; nothing is changed.
