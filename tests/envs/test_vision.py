@@ -14,6 +14,7 @@ from artiskill.envs.wrappers import PointCloudDownsample
 from artiskill.errors import ConfigError, UnknownNameError
 from artiskill.sensors.downsample import SAMPLERS, ManiskillSampler, downsample
 from artiskill.tasks.levels import Stream, level_generator
+from artiskill.tasks.registry import make_task
 
 OBJECT = "cabinet-0003"
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "observations.md"
@@ -177,9 +178,10 @@ def test_one_environment_sees_one_cabinet_after_another() -> None:
 def test_the_page_tells_what_the_configuration_says() -> None:
     task = make().task
     c = task.cameras
+    higher = make_task("PushChair").cameras
     text = PAGE.read_text(encoding="utf-8")
     for row in (
-        f"| height above the floor | {c.mount_height_m:g} m |",
+        f"| height above the floor | {c.mount_height_m:g} m; PushChair {higher.mount_height_m:g} m |",
         f"| pitch | {c.pitch_down_deg:g} degrees down |",
         f"| vertical field of view | {c.fov_deg:g} degrees |",
         f"| resolution | {c.width} x {c.height} pixels, square |",
