@@ -3,15 +3,15 @@
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object
-from artiskill.demos.hdf5 import open_file, reading
+from artiskill.demos.hdf5 import reading
 from artiskill.demos.header import Header
+from artiskill.demos.open_file import OpenFile
 from artiskill.demos.recording import ARRAYS, Recording
 from artiskill.demos.trajectory import Trajectory
 from artiskill.demos.writing import ATTEMPTS
@@ -19,7 +19,7 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ArtiSkillError, DemoError
 
 
-class DemoFile:
+class DemoFile(OpenFile):
     """The demonstrations of one object; a sequence of `Trajectory`, and a context manager that closes the file.
 
     Args:
@@ -35,33 +35,10 @@ class DemoFile:
     """
 
     def __init__(self, path: Path | str) -> None:
-        self.path = Path(path)
-        self._file = open_file(self.path)
-        try:
-            with reading(self.path, "its header"):
-                self.header = Header.from_attributes(dict(self._file.attrs), self.path)
-                self._count = sum(name.startswith("traj_") for name in self._file)
-        except BaseException:
-            self.close()
-            raise
+        super().__init__(path, "its header")
 
-    def __enter__(self) -> Self:
-        """Itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close the file."""
-        self.close()
-
-    def close(self) -> None:
-        """Let go of the file."""
-        self._file.close()
-
-    def __len__(self) -> int:
-        """How many trajectories it holds."""
-        return self._count
+    def _read_header(self, given: dict[str, Any]) -> None:
+        self.header = Header.from_attributes(given, self.path)
 
     def __iter__(self) -> Iterator[Trajectory]:
         """All trajectories."""

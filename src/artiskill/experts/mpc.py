@@ -148,11 +148,7 @@ class Planner:
     def _reward(self, snapshot: Snapshot) -> np.ndarray:
         """(N,) dense rewards."""
         flags = self._task.flags(snapshot, self._goal)
-        terms = self._task.reward_terms(snapshot, self._goal, flags)
-        total = np.zeros(len(snapshot.time_s))
-        for name, weight in self._task.reward_weights.items():
-            total += weight * terms[name]
-        return total
+        return self._task.dense_reward(self._task.reward_terms(snapshot, self._goal, flags))
 
     def _shift(self, steps: int) -> None:
         """The plan goes on from the next instant; its last action is repeated."""

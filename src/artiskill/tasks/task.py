@@ -77,3 +77,10 @@ class Task:
     render: RenderConfig
     mask_names: tuple[str, ...]
     masks: Callable[[Scene, str], np.ndarray]
+
+    def dense_reward(self, terms: Mapping[str, Array]) -> np.ndarray:
+        """(B,) the weighted sum of reward terms, as `reward_terms` gives them on NumPy."""
+        total = np.zeros(len(next(iter(terms.values()))))
+        for name, weight in self.reward_weights.items():
+            total += weight * terms[name]
+        return total

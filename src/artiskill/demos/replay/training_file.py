@@ -4,16 +4,16 @@ import json
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import list_objects, load_object
 from artiskill.config import from_mapping
-from artiskill.demos.hdf5 import open_file, reading
+from artiskill.demos.hdf5 import reading
 from artiskill.demos.header import check_format
+from artiskill.demos.open_file import TRAJECTORY, OpenFile
 from artiskill.demos.replay.manifest import (
     FORMAT,
     SCHEMA_VERSION,
@@ -25,7 +25,7 @@ from artiskill.demos.replay.settings import ReplaySettings
 from artiskill.errors import ArtiSkillError, DemoError
 
 
-class TrainingFile:
+class TrainingFile(OpenFile):
     """The training file of one object; a context manager that closes it.
 
     Args:
@@ -43,39 +43,13 @@ class TrainingFile:
     """
 
     def __init__(self, path: Path | str) -> None:
-        self.path = Path(path)
-        self._file = open_file(self.path)
-        try:
-            with reading(self.path, "its attributes"):
-                given = dict(self._file.attrs)
-                check_format(
-                    given.get("format"), given.get("schema_version"), self.path, FORMAT, SCHEMA_VERSION, WHAT
-                )
-                self.object = str(given["object"])
-                self.settings = from_mapping(ReplaySettings, json.loads(given["settings"]), str(self.path))
-                count = sum(name.startswith("traj_") for name in self._file)
-                self.groups: list[Any] = [self._file[f"traj_{i}"] for i in range(count)]
-        except BaseException:
-            self.close()
-            raise
+        super().__init__(path, "its attributes")
 
-    def __enter__(self) -> Self:
-        """Itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close the file."""
-        self.close()
-
-    def close(self) -> None:
-        """Let go of the file."""
-        self._file.close()
-
-    def __len__(self) -> int:
-        """How many trajectories it holds."""
-        return len(self.groups)
+    def _read_header(self, given: dict[str, Any]) -> None:
+        check_format(given.get("format"), given.get("schema_version"), self.path, FORMAT, SCHEMA_VERSION, WHAT)
+        self.object = str(given["object"])
+        self.settings = from_mapping(ReplaySettings, json.loads(given["settings"]), str(self.path))
+        self.groups: list[Any] = [self._file[f"{TRAJECTORY}{i}"] for i in range(len(self))]
 
     def array(self, i: int, path: str) -> np.ndarray:
         """One array of a trajectory: `actions`, or `obs/pointcloud/xyz`, say.

@@ -123,17 +123,10 @@ class Episodes:
     def outcome(self, dense: bool, resting: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Rewards, terminations and truncations of a step, (B,); none of them where an episode only began."""
         success = self.progress.success
-        rewards = self.dense_reward() if dense else success.astype(float)
+        rewards = self.task.dense_reward(self.terms) if dense else success.astype(float)
         rewards[resting] = 0.0
         truncated = (self.progress.elapsed >= self.task.episode_steps) & ~success
         return rewards, success & ~resting, truncated & ~resting
-
-    def dense_reward(self) -> np.ndarray:
-        """(B,) the weighted sum of the terms."""
-        total = np.zeros(len(self.levels))
-        for name, weight in self.task.reward_weights.items():
-            total += weight * self.terms[name]
-        return total
 
     def attributes(self) -> dict[str, np.ndarray]:
         """Object, level and target of all episodes, (B,) each."""

@@ -1,0 +1,58 @@
+"""What the two kinds of files of trajectories share: they are open, and a context manager closes them."""
+
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from artiskill.demos.hdf5 import open_file, reading
+
+TRAJECTORY = "traj_"  # and its number: the group of a trajectory
+
+
+class OpenFile:
+    """An HDF5 file with groups of trajectories, open for reading.
+
+    Args:
+        path: of the file.
+        what: that `_read_header` reads, for errors.
+
+    Attributes:
+        path: of the file.
+
+    Raises:
+        DemoError: there is no such file, or it is damaged, foreign or of another version.
+        MissingExtraError: h5py is not installed.
+    """
+
+    def __init__(self, path: Path | str, what: str) -> None:
+        self.path = Path(path)
+        self._file = open_file(self.path)
+        try:
+            with reading(self.path, what):
+                self._count = sum(name.startswith(TRAJECTORY) for name in self._file)
+                self._read_header(dict(self._file.attrs))
+        except BaseException:
+            self.close()
+            raise
+
+    def _read_header(self, given: dict[str, Any]) -> None:
+        """Read what the file's attributes say; `self` is open, and its length known."""
+        raise NotImplementedError
+
+    def __enter__(self) -> Self:
+        """Itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the file."""
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._file.close()
+
+    def __len__(self) -> int:
+        """How many trajectories it holds."""
+        return self._count
