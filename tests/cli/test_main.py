@@ -21,7 +21,7 @@ from artiskill.jobs.reservation import reserved
 
 Capture = pytest.CaptureFixture[str]
 SMALL = ["--objects", "cabinet-0005", "--episodes", "1", "--workers", "1"]
-COMMAND = [sys.executable, "-m", "artiskill.cli.main"]
+COMMAND = [sys.executable, "-m", "artiskill"]
 # What `--help` has no time for.
 HEAVY = ("scipy", "numba", "rich", "PIL", "torch", "artiskill.envs.manipulation", "artiskill.evaluation.evaluate")
 

@@ -58,7 +58,3 @@ def make_parser() -> Parser:
         child.set_defaults(parser=child)
         child.add_argument("--debug", action="store_true", help="show the traceback of an error")
     return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())
