@@ -53,21 +53,32 @@ def new_whole_file(path: Path) -> Iterator[Any]:
 
 @contextmanager
 def new_large_file(path: Path, room: int) -> Iterator[Any]:
-    """`new_whole_file` of one that memory may not hold; that the disk can is seen to beforehand.
+    """`new_whole_file` of one that memory may not hold.
+
+    Its place on the disk is taken beforehand, so that HDF5 meets no full disk, whoever else is writing.
 
     Args:
         path: of the file.
-        room: bytes that it will take at most.
+        room: bytes that its content will take at most.
 
     Raises:
         DemoError: it cannot be written, or there is no room for it.
     """
     check_room(path, room)
-    with writing(path), whole_file(path) as temporary:
+    with writing(path), whole_file(path) as temporary, temporary.open("r+b") as place:
         with load_h5py().File(temporary, "w", libver=_VERSIONS) as file:
+            if hasattr(os, "posix_fallocate"):
+                os.posix_fallocate(place.fileno(), 0, _with_spare(room))
             yield file
-        with temporary.open("rb") as written:
-            os.fsync(written.fileno())
+            file.flush()
+            size = file.id.get_filesize()
+        place.truncate(size)
+        os.fsync(place.fileno())
+
+
+def _with_spare(room: int) -> int:
+    """Bytes of a file with such content, what describes it included."""
+    return room + room // 50 + _SPARE_BYTES
 
 
 def check_room(path: Path, room: int) -> None:
@@ -77,7 +88,7 @@ def check_room(path: Path, room: int) -> None:
         DemoError: there is not.
     """
     free = shutil.disk_usage(next(folder for folder in path.parents if folder.is_dir())).free
-    wanted = room + room // 50 + _SPARE_BYTES
+    wanted = _with_spare(room)
     if wanted > free:
         needs = f"{wanted / _MEGA:.0f} MB may be needed, {free / _MEGA:.0f} MB are free"
         raise DemoError(f"cannot write {str(path)!r}: {_NO_ROOM}: {needs}")
