@@ -1,6 +1,7 @@
 """PPO of Stable-Baselines3 over many objects at once: `pip install 'artiskill[rl]'`, docs/learning.md."""
 
 import argparse
+from pathlib import Path
 
 import gymnasium as gym
 from stable_baselines3 import PPO
@@ -19,7 +20,7 @@ def main() -> None:
     parser.add_argument("--rollout", type=int, default=32, help="steps of each environment between updates")
     parser.add_argument("--steps", type=int, default=200_000, help="of all environments together")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", default="results/ppo_many.zip")
+    parser.add_argument("--out", default="results/ppo_many", help="a folder")
     arguments = parser.parse_args()
 
     built = artiskill.warm_scenes(arguments.task, arguments.objects)
@@ -28,7 +29,6 @@ def main() -> None:
         num_envs=arguments.num_envs,
         objects=arguments.objects,
         autoreset_mode="same_step",
-        copy=False,
     )
     print(f"{arguments.num_envs} environments, {built} objects")
     # positions are tenths of metres, velocities rarely reach their bound of 100: scale by what is really seen
@@ -45,8 +45,10 @@ def main() -> None:
         verbose=1,
     )
     model.learn(arguments.steps)
-    model.save(arguments.out)
-    print(f"saved {arguments.out}")
+    out = Path(arguments.out)
+    model.save(out / "policy.zip")
+    batch.save(str(out / "scaling.pkl"))  # the policy sees scaled observations: it is nothing without
+    print(f"saved {out}")
 
 
 if __name__ == "__main__":

@@ -5,7 +5,8 @@ derives from the built-in exception that a caller would expect, so `except Value
 """
 
 import difflib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
+from typing import Any
 
 
 class ArtiSkillError(Exception):
@@ -47,7 +48,25 @@ class StateError(ArtiSkillError, ValueError):
 
 
 class DivergedError(ArtiSkillError, RuntimeError):
-    """The physics of an environment ran away: its state is no longer meaningful."""
+    """The physics of some environments ran away: their states are no longer meaningful.
+
+    Attributes:
+        causes: environment -> object and the engine's names of its warnings.
+    """
+
+    def __init__(self, causes: Mapping[int, tuple[str, Collection[str]]]) -> None:
+        """Build the message."""
+        self.causes = dict(causes)
+        names = sorted({name for name, _ in causes.values()})
+        said = sorted({kind for _, kinds in causes.values() for kind in kinds})
+        super().__init__(
+            f"the physics of {', '.join(names)} diverged in environments {sorted(causes)} "
+            f"({', '.join(said)}); reset them before stepping on"
+        )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """As workers send it home."""
+        return type(self), (self.causes,)
 
 
 class PolicyError(ArtiSkillError, RuntimeError):
@@ -56,6 +75,10 @@ class PolicyError(ArtiSkillError, RuntimeError):
 
 class DemoError(ArtiSkillError, ValueError):
     """A file or folder of demonstrations that is damaged, foreign, of another version, or does not fit."""
+
+
+class ClusterError(ArtiSkillError, RuntimeError):
+    """Several machines that cannot be reached, break down, or would give other results than this one."""
 
 
 class ResetNeededError(ArtiSkillError, RuntimeError):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from artiskill.assets.catalog import load_object
-from artiskill.errors import DivergedError, StateError
+from artiskill.errors import ActionError, DivergedError, StateError
 from artiskill.scene.scene import Scene, build_scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.states import InitialState
@@ -161,6 +161,31 @@ def test_physics_that_runs_away_is_an_error(scene: Scene, tmp_path: Path, monkey
     simulation.step(np.zeros((2, 13)))
 
 
+@pytest.mark.parametrize("way", ["spread", "restore"])
+def test_a_restored_state_has_not_run_away(
+    scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    simulation = Simulation(scene, num_envs=2)
+    simulation.reset([start(scene, 0)] * 2)
+    good = simulation.save([0]) if way == "spread" else simulation.save()
+    targets = np.zeros((2, 2, 13))
+    targets[1] = np.nan
+    getattr(simulation, way)(good)
+    with pytest.raises(DivergedError, match=r"environments \[1\]"):
+        simulation.rollout(targets)
+    getattr(simulation, way)(good)
+    assert len(simulation.rollout(np.zeros((2, 2, 13)))) == 2
+
+
+@pytest.mark.parametrize("shape", [(2, 13), (1, 3, 13), (2, 3, 12), (2, 3, 13, 1)])
+def test_a_rollout_of_another_shape_is_refused(scene: Scene, shape: tuple[int, ...]) -> None:
+    simulation = Simulation(scene, num_envs=2)
+    simulation.reset([start(scene, 0)] * 2)
+    with pytest.raises(ActionError, match=r"\(2, steps, 13\)"):
+        simulation.rollout(np.zeros(shape))
+
+
 def test_a_rollout_is_its_steps(scene: Scene) -> None:
     targets = np.random.default_rng(0).uniform(-0.3, 0.3, (2, 4, 13))
     one, other = (Simulation(scene, num_envs=2) for _ in range(2))
@@ -207,7 +232,9 @@ def test_environments_may_have_different_scenes_of_one_layout(scene: Scene) -> N
 def test_only_some_environments_step(scene: Scene) -> None:
     simulation = Simulation(scene, num_envs=3)
     simulation.reset([start(scene, k) for k in range(3)])
-    before = simulation.save().rows
+    simulation.step(np.full((3, 13), 0.3))
+    before, speeds = simulation.save().rows, simulation.snapshot().link_speed_m_s
     simulation.step(np.full((3, 13), 0.2), np.array([0, 2]))
     after = simulation.save().rows
-    assert [np.array_equal(a, b) for a, b in zip(before[:, :5], after[:, :5], strict=True)] == [False, True, False]
+    assert [np.array_equal(a, b) for a, b in zip(before, after, strict=True)] == [False, True, False]
+    np.testing.assert_array_equal(simulation.snapshot().link_speed_m_s[1], speeds[1])

@@ -102,6 +102,11 @@ def resolve_objects(
     return tuple(resolved)
 
 
+def is_nameable(name: str) -> bool:
+    """Whether `load_object` makes the object from the name alone: it is the catalogue's, or a generated one."""
+    return name in read_catalog() or parse_generated(name) is not None
+
+
 def object_id_of(item: str | ArticulatedObject) -> str:
     """The id of an element of `resolve_objects`' result."""
     return item if isinstance(item, str) else item.id

@@ -4,11 +4,13 @@ from collections.abc import Sequence
 from typing import Any
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.catalog import load_object, resolve_objects
+from artiskill.assets.catalog import is_nameable, load_object, resolve_objects
 from artiskill.assets.needs import TASK_NEEDS
 from artiskill.errors import AssetError, UnknownNameError
 from artiskill.tasks.levels import Stream, level_generator
 from artiskill.tasks.task import Task
+
+_KNOWN = 64  # objects that are remembered
 
 ObjectChoice = str | ArticulatedObject | Sequence[str | ArticulatedObject]
 
@@ -48,15 +50,23 @@ class Casting:
             generator = level_generator(level, Stream.OBJECT)
             object_choice = self.choices[int(generator.integers(len(self.choices)))]
         obj = self.find(object_choice)
-        self._known[obj.id] = obj
+        if not (isinstance(object_choice, str) and is_nameable(object_choice)):
+            self._remember(obj)
         target = self.fixed_target if target is None else target
         targets = self.check_target(obj, target)
         if target is None:
             target = targets[int(level_generator(level, Stream.TARGET).integers(len(targets)))]
         return obj, target
 
+    def _remember(self, obj: ArticulatedObject) -> None:
+        """An object that its id may not lead to: saved states name it."""
+        self._known.pop(obj.id, None)
+        self._known[obj.id] = obj
+        if len(self._known) > _KNOWN:
+            del self._known[next(iter(self._known))]
+
     def find(self, given: str | ArticulatedObject) -> ArticulatedObject:
-        """An object by its id or as itself; ids of objects that were handed in or drawn before are known too."""
+        """An object by its id or as itself; ids of the last objects that were handed in are known too."""
         if isinstance(given, str):
             handed_in = {c.id: c for c in self.choices if isinstance(c, ArticulatedObject)}
             given = handed_in.get(given) or self._known.get(given) or given

@@ -125,7 +125,8 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
             UnknownNameError: an unknown option, object or target link.
         """
         options = checked_options(options, ("level", "object", "target"))
-        level = options.get("level", seed)
+        level = options.get("level")
+        level = seed if level is None else level
         if level is not None:
             level = check_level(level)
         super().reset(seed=seed)

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from artiskill.errors import DivergedError, StateError
+from artiskill.errors import ActionError, DivergedError, StateError
 from artiskill.scene.scene import Scene
 from artiskill.sim.engine_arrays import EngineArrays, places_of, run
 from artiskill.sim.snapshot import Snapshot
@@ -130,12 +130,13 @@ class Simulation:
             DivergedError: the engine warned that a state is not finite, or that it ran out of memory. It would
                 otherwise start such an environment over, silently.
         """
-        self._previous_position[:] = self._xpos[:, self._places.links]
-        self._previous_quaternion[:] = self._xquat[:, self._places.links]
-        self._ctrl[:] = targets
+        ids = slice(None) if env_ids is None else env_ids
+        self._previous_position[ids] = self._xpos[ids, self._places.links]
+        self._previous_quaternion[ids] = self._xquat[ids, self._places.links]
+        self._ctrl[ids] = targets[ids]
         self._batch.step(env_ids, nstep=self.scene.physics.physics_steps_per_step, stage=_CURRENT)
-        if self._batch.warning[..., 1].any():
-            self._raise_diverged()
+        if self._batch.warning[ids, :, 1].any():
+            raise DivergedError(self._diverged(ids))
 
     def rollout(self, targets: np.ndarray) -> list[Snapshot]:
         """Environment steps under given drive targets, as predictive controllers ask for them.
@@ -147,22 +148,29 @@ class Simulation:
             T snapshots, one after each environment step.
 
         Raises:
+            ActionError: targets of another shape.
             DivergedError: as `step`.
         """
+        size = self._ctrl.shape[1]
+        if targets.ndim != 3 or targets.shape[::2] != (self.num_envs, size):
+            raise ActionError(
+                f"a rollout needs drive targets of shape ({self.num_envs}, steps, {size}), not {targets.shape}"
+            )
         snapshots = []
         for k in range(targets.shape[1]):
             self.step(targets[:, k])
             snapshots.append(self.snapshot())
         return snapshots
 
-    def _raise_diverged(self) -> None:
-        envs, kinds = np.nonzero(self._batch.warning[..., 1])
-        said = sorted({mujoco.mjtWarning(int(kind)).name.removeprefix("mjWARN_") for kind in kinds})
-        names = sorted({self.scenes[env].object.id for env in envs})
-        raise DivergedError(
-            f"the physics of {', '.join(names)} diverged in environments {sorted({int(e) for e in envs})} "
-            f"({', '.join(said)}); reset them before stepping on"
-        )
+    def _diverged(self, ids: slice | np.ndarray) -> dict[int, tuple[str, tuple[str, ...]]]:
+        """Which of these environments the engine has warned of, and how."""
+        causes = {}
+        for env in np.arange(self.num_envs)[ids].tolist():
+            kinds = np.flatnonzero(self._batch.warning[env, :, 1]).tolist()
+            if kinds:
+                said = tuple(mujoco.mjtWarning(kind).name.removeprefix("mjWARN_") for kind in kinds)
+                causes[env] = self.scenes[env].object.id, said
+        return causes
 
     def snapshot(self) -> Snapshot:
         """What is true now; the arrays are copies."""
@@ -211,6 +219,7 @@ class Simulation:
             model.jnt_range[self._places.joints] = state.joint_limits[row]
         self._batch.set_models(self._models)
         self._batch.state[ids] = state.rows
+        self._batch.warning[ids] = 0  # of what was there before
         self._batch.forward(ids, stage=_CURRENT)
         self._previous_position[ids] = state.previous_link_position_w
         self._previous_quaternion[ids] = state.previous_link_quaternion_w

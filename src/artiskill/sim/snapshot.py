@@ -4,7 +4,7 @@ Observations, rewards and success conditions are functions of a snapshot, never 
 one step ago are part of it, so that asking twice answers the same.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 from artiskill.geometry.arrays import Array, clamp, namespace, norm
@@ -68,6 +68,11 @@ class Snapshot:
     previous_link_quaternion_w: Array
     body_position_w: Array
     body_quaternion_w: Array
+
+    def row(self, env: int) -> "Snapshot":
+        """One environment's, B = 1; its arrays are views."""
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        return Snapshot(**{k: v if k == "step_s" else v[env : env + 1] for k, v in values.items()})
 
     @property
     def fingertip_position_w(self) -> Array:

@@ -68,7 +68,35 @@ def test_pictures_too() -> None:
     PPO("MultiInputPolicy", env, n_steps=4, batch_size=12, device="cpu").learn(12)
 
 
+@pytest.mark.parametrize("copy", [True, False])
+def test_what_is_learned_from_is_what_was_seen(copy: bool) -> None:
+    from stable_baselines3 import SAC
+
+    model = SAC("MlpPolicy", as_sb3(make(copy=copy)), learning_starts=100, seed=0, device="cpu")
+    model.learn(21)
+    buffer = model.replay_buffer
+    assert (buffer.observations[:7] != buffer.next_observations[:7]).any(axis=-1).all()
+    going_on = ~buffer.dones[:6].astype(bool)
+    np.testing.assert_array_equal(buffer.next_observations[:6][going_on], buffer.observations[1:7][going_on])
+
+
+def test_options_and_seeds_as_the_library_sets_them() -> None:
+    env = as_sb3(make())
+    env.set_options([{"object": "cabinet-0005", "level": 3}, {"object": "cabinet-0005"}, {}])
+    env.seed(2**31 + 4)  # the library's seeds have 32 bits
+    env.reset()
+    assert env.get_attr("object")[:2] == ["cabinet-0005"] * 2
+    assert env.get_attr("level") == [3, 5, 6]
+    env.seed()
+    env.reset()
+    env.set_attr("objects", "cabinet-0003", indices=[1])
+    env.reset()
+    assert env.get_attr("object", indices=1) == ["cabinet-0003"]
+
+
 def test_what_does_not_fit_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"as_sb3 needs a vector environment.*ManipulationEnv"):
+        as_sb3(ManipulationEnv(TASK))
     with pytest.raises(ConfigError, match="same_step"):
         as_sb3(make(autoreset_mode="next_step"))
     with pytest.raises(ConfigError, match="VectorFlattenDict"):

@@ -61,6 +61,48 @@ def test_observations_are_the_callers_unless_asked_otherwise() -> None:
     np.testing.assert_array_equal(second, lean_second)
 
 
+def test_what_callers_write_into_their_observations_does_not_come_back() -> None:
+    env, twin = make(), make()
+    for one in (env, twin):
+        observation, _ = one.reset(seed=0)
+        if one is env:
+            observation *= 0
+    mask = {"reset_mask": np.array([True, False, False]), "level": 9}
+    np.testing.assert_array_equal(env.reset(options=mask)[0], twin.reset(options=mask)[0])
+
+
+def test_a_closed_one_says_so() -> None:
+    env = make(2, obs_mode="rgbd", config={"cameras.width": 64, "cameras.height": 48}, num_threads=2)
+    env.reset(seed=0)
+    env.close()
+    for act in (lambda: env.step(zeros(env)), lambda: env.reset(seed=0)):
+        with pytest.raises(ConfigError, match="closed"):
+            act()
+
+
+def test_seeds_and_levels_as_arrays_without_dimension() -> None:
+    env = make()
+    np.testing.assert_array_equal(env.reset(seed=np.array(5))[1]["level"], [5, 6, 7])
+    np.testing.assert_array_equal(env.reset(options={"level": np.array(3)})[1]["level"], [3, 3, 3])
+    single = ManipulationEnv(TASK, objects="test")
+    assert single.reset(seed=5, options={"level": None})[1]["level"] == 5
+
+
+@pytest.mark.parametrize("given", ["SameStep", "same_step", AutoresetMode.SAME_STEP])
+def test_modes_by_gymnasiums_value_too(given: AutoresetMode | str) -> None:
+    assert make(1, autoreset_mode=given).metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+
+
+@pytest.mark.parametrize("number", [-1, 3, True, "0"])
+def test_states_of_environments_that_are_not_there(number: object) -> None:
+    env = make()
+    env.reset(seed=0)
+    state = env.save_state(0)
+    for act in (lambda: env.save_state(number), lambda: env.restore_state(number, state)):
+        with pytest.raises(ConfigError, match="numbered 0 to 2"):
+            act()
+
+
 def test_objects_per_environment() -> None:
     env = make(2, env_objects=["cabinet-0003", ["cabinet-0005"]])
     for seed in (0, 7):

@@ -11,27 +11,23 @@ from gymnasium.vector.utils import batch_space
 from artiskill.envs.casting import Casting, ObjectChoice
 from artiskill.envs.control import JOINT, Control
 from artiskill.envs.modes import OBSERVERS, RENDER_MODES, check_modes, checked_options
-from artiskill.envs.observation import Observer, empty_observation
+from artiskill.envs.observation import Observer
 from artiskill.envs.state import EnvState
+from artiskill.envs.vector.attributes import SINGLE, EnvAttributes
 from artiskill.envs.vector.episodes import Episodes
-from artiskill.envs.vector.info import only, stacked, with_masks
-from artiskill.envs.vector.observation import (
-    VectorObserver,
-    VectorStateObserver,
-    VectorVisionObserver,
-    copied,
-    copy_rows,
-    row_of,
-)
+from artiskill.envs.vector.info import only, with_masks
+from artiskill.envs.vector.observation import VectorObserver, VectorStateObserver, VectorVisionObserver
 from artiskill.envs.vector.options import (
     RESET_OPTIONS,
     as_autoreset_mode,
     at_least_one,
+    env_number,
     per_env,
     reset_mask,
     reset_seeds,
     thread_count,
 )
+from artiskill.envs.vector.sight import Sight
 from artiskill.envs.vector.state import restore_env, save_env
 from artiskill.envs.vector.views import WorldViews
 from artiskill.errors import ConfigError, ResetNeededError
@@ -85,7 +81,8 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         self.num_envs = at_least_one("num_envs", num_envs)
         self.num_threads = thread_count(num_threads, num_envs)
         self.task = make_task(task, config)
-        self.obs_mode, self.reward_mode, self.render_mode, self._copy = obs_mode, reward_mode, render_mode, copy
+        self.obs_mode, self.reward_mode, self.render_mode = obs_mode, reward_mode, render_mode
+        self.gives_copies = copy
         self._autoreset = as_autoreset_mode(autoreset_mode)
         self.metadata = self.metadata | {"autoreset_mode": self._autoreset}
         each = [objects] if env_objects is None else per_env("env_objects", env_objects, num_envs)
@@ -95,7 +92,7 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._episodes = Episodes(self.task, castings * (num_envs // len(castings)), self.num_threads)
         self._done, self._all = np.zeros(num_envs, dtype=bool), np.ones(num_envs, dtype=bool)
-        self._views = WorldViews(self._episodes)
+        self._views, self._attributes = WorldViews(self._episodes), EnvAttributes(self._episodes)
         if obs_mode == "state":
             self._look_with(VectorStateObserver(self.task))
         else:
@@ -114,6 +111,7 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             ConfigError: a level that is no integer in range, a list of another length, an illegal mask.
             UnknownNameError: an unknown option, object or target link.
         """
+        self._check_open()
         given = checked_options(options, RESET_OPTIONS)
         mask = reset_mask(given, self.num_envs)
         if not mask.all() and not self._episodes.begun:
@@ -124,13 +122,13 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         )
         envs = np.flatnonzero(mask).tolist()
         chosen = [None if levels[env] is None else check_level(levels[env]) for env in envs]
-        drawn = [self._level(env, seeds[env], level) for env, level in zip(envs, chosen, strict=True)]
+        drawn = [self._episodes.level_of(env, seeds[env], level) for env, level in zip(envs, chosen, strict=True)]
         self._start(envs, drawn, [objects[env] for env in envs], [targets[env] for env in envs])
         self._episodes.evaluate()
         self._done[envs] = False
-        self._renew(keep=~mask)
-        added = self._observe(envs)
-        return self._buffer, with_masks(self._info(added), mask)
+        self._sight.renew()
+        info = self._sight.look(told=mask)
+        return self._sight.arrays, with_masks(info, mask)
 
     def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """One environment step of 0.05 s of all environments.
@@ -155,10 +153,11 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         self._advance(actions, resting)
         rewards, terminated, truncated = self._episodes.outcome(self.reward_mode == "dense", resting)
         self._done = terminated | truncated
-        self._renew()
-        if self._autoreset is AutoresetMode.SAME_STEP and self._done.any():
-            return self._buffer, rewards, terminated, truncated, self._restart_at_once()
-        return self._buffer, rewards, terminated, truncated, self._info_of_all()
+        self._sight.renew()
+        at_once = self._autoreset is AutoresetMode.SAME_STEP and self._done.any()
+        final = self._restart_at_once() if at_once else {}
+        info = with_masks(self._sight.look(), self._all)
+        return self._sight.arrays, rewards, terminated, truncated, info | final
 
     def _advance(self, actions: np.ndarray, resting: np.ndarray) -> None:
         """Step the environments that do not rest, start new episodes in those that do."""
@@ -167,40 +166,37 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             rows = np.zeros((len(squad.members), actions.shape[1]))
             rows[taken] = actions[members]
             targets.append((squad, self.control.to_targets(rows, squad.snapshot)))
-        episodes.fleet.step(targets, resting)
-        if resting.any():
-            self._restart(resting)
-        episodes.evaluate()
-        episodes.progress.advance(episodes.flags, ~resting)
+        try:
+            episodes.fleet.step(targets, resting)
+        finally:  # where one has diverged, the others have stepped
+            if resting.any():
+                self._restart(resting)
+            episodes.evaluate()
+            episodes.progress.advance(episodes.flags, ~resting)
 
     def _restart_at_once(self) -> dict[str, Any]:
-        """Report the last instant of the episodes that are over, and start new ones: the infos of the step."""
+        """Report the last instant of the episodes that are over, for the step's infos, and start new ones."""
         over = self._done
-        last = self._info(self._observe(np.flatnonzero(over).tolist()))
-        final_obs = np.full(self.num_envs, None, dtype=object)
-        for env in np.flatnonzero(over).tolist():
-            final_obs[env] = copied(row_of(self._buffer, env))
-        final = {"final_obs": final_obs, "final_info": with_masks(only(last, over), over)}
+        last = only(self._sight.look(over), over)
+        final = {"final_obs": self._sight.last_of(over), "final_info": with_masks(last, over)}
         self._restart(over)
         self._episodes.evaluate()
         self._done = np.zeros(self.num_envs, dtype=bool)
-        return {**self._info_of_all(), **final, "_final_obs": over, "_final_info": over.copy()}
+        return final | {"_final_obs": over, "_final_info": over.copy()}
 
     def _restart(self, over: np.ndarray) -> None:
         envs = np.flatnonzero(over).tolist()
         nothing = [None] * len(envs)
         self._start(envs, list(map(self._episodes.next_level, envs)), nothing, nothing)
 
+    def _check_open(self) -> None:
+        if self.closed:
+            raise ConfigError("this vector environment was closed: make another one")
+
     def _check_begun(self, what: str) -> None:
+        self._check_open()
         if not self._episodes.begun:
             raise ResetNeededError(f"call reset() before {what}")
-
-    def _level(self, env: int, seed: int | None, chosen: int | None) -> int:
-        """The level of a reset: what the options say, else the seed, else the next one."""
-        if chosen is not None and seed is None:
-            return chosen
-        level = self._episodes.next_level(env, seed)
-        return level if chosen is None else chosen
 
     def _start(
         self, envs: list[int], levels: Sequence[int], objects: Sequence[Any], targets: Sequence[Any]
@@ -209,7 +205,7 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             self._enter(env)
 
     def _enter(self, env: int) -> None:
-        self._observer.enter(env, self._episodes.fleet.scene_of(env), self._episodes.targets[env])
+        self._sight.enter(env)
         self._views.forget(env)
 
     # -- observations --------------------------------------------------------------------------------------------
@@ -219,34 +215,9 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         self._look_with(VectorVisionObserver(make_observer, self.num_envs, self.num_threads))
 
     def _look_with(self, observer: VectorObserver) -> None:
-        self._observer = observer
         self.single_observation_space = observer.space
         self.observation_space = batch_space(observer.space, self.num_envs)
-        self._buffer = empty_observation(observer.space, (self.num_envs,))
-        for env in range(self.num_envs if self._episodes.begun else 0):
-            self._enter(env)
-
-    def _renew(self, keep: np.ndarray | None = None) -> None:
-        """The arrays of this call's observations, with those of some environments as they were."""
-        if self._copy:
-            old, self._buffer = self._buffer, empty_observation(self.single_observation_space, (self.num_envs,))
-            if keep is not None and keep.any():
-                copy_rows(old, self._buffer, keep)
-
-    def _observe(self, envs: list[int]) -> dict[int, dict[str, Any]]:
-        episodes = self._episodes
-        return self._observer.observe(
-            episodes.fleet, np.array(envs), episodes.levels, episodes.progress.elapsed, self._buffer
-        )
-
-    def _info(self, added: Mapping[int, Mapping[str, Any]]) -> dict[str, Any]:
-        return self._episodes.info() | stacked(added, self.num_envs)
-
-    def _info_of_all(self) -> dict[str, Any]:
-        """Observe everything; the infos."""
-        return with_masks(
-            self._info(self._observe(list(range(self.num_envs)))), np.ones(self.num_envs, dtype=bool)
-        )
+        self._sight = Sight(self._episodes, observer, self.gives_copies)
 
     def render(self) -> tuple[np.ndarray, ...]:
         """Every scene from the world camera, B of (480, 640, 3) uint8.
@@ -263,27 +234,55 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
     # -- single environments -------------------------------------------------------------------------------------
 
     def save_state(self, env: int) -> EnvState:
-        """The instant of one environment, as a `ManipulationEnv` has it."""
-        return save_env(self._episodes, env)
+        """The instant of one environment, as a `ManipulationEnv` has it.
+
+        Raises:
+            ConfigError: no environment of this number.
+        """
+        return save_env(self._episodes, env_number(env, self.num_envs))
 
     def restore_state(self, env: int, state: EnvState) -> None:
         """Take back an instant, of this or a single environment; what it observes comes with the next `step`.
 
         Raises:
             StateError: as `ManipulationEnv.restore_state`.
+            ConfigError: as `save_state`.
         """
-        restore_env(self._episodes, env, state)
+        restore_env(self._episodes, env_number(env, self.num_envs), state)
         self._enter(env)
         self._done[env] = False
 
+    def close_extras(self, **kwargs: Any) -> None:
+        """Stop the threads that draw."""
+        self._sight.close()
+
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """An attribute of every environment: `object`, `level`, `target`, or one that all share, such as `task`.
+        """An attribute of every environment.
+
+        Args:
+            name: `object`, `level`, `target`, `objects` (what it draws from), `scene`, `snapshot`, `goal`, its
+                spaces, or what all share, such as `task`.
 
         Raises:
             AttributeError: there is none of this name.
+            ResetNeededError: it is of an episode, and none has begun.
         """
-        own = self._episodes.attributes()
-        return tuple(own[name].tolist()) if name in own else (getattr(self, name),) * self.num_envs
+        if name in self._attributes:
+            return self._attributes.get(name)
+        return (getattr(self, SINGLE.get(name, name)),) * self.num_envs
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Have environments draw their next objects from elsewhere; episodes under way go on.
+
+        Args:
+            name: `objects`.
+            values: a choice for all, or a list of one for each environment.
+
+        Raises:
+            ConfigError: another name, which would need another environment; a list of another length.
+            UnknownNameError, AssetError: as of a new environment.
+        """
+        self._attributes.set(name, values)
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """`save_state` or `render` of every environment, or an attribute as `get_attr` has it.

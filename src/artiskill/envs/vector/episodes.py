@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium.utils import seeding
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.envs.casting import Casting
+from artiskill.envs.casting import Casting, ObjectChoice
 from artiskill.envs.vector.fleet import Fleet, Start
 from artiskill.scene.cache import cached_scene
 from artiskill.scene.scene import Scene
@@ -62,6 +62,13 @@ class Episodes:
         assert generator is not None
         return seed if seed is not None else int(generator.integers(MAX_LEVEL + 1))
 
+    def level_of(self, env: int, seed: int | None, chosen: int | None) -> int:
+        """The level of a reset: what the options say, else the seed, else the next one."""
+        if chosen is not None and seed is None:
+            return chosen
+        level = self.next_level(env, seed)
+        return level if chosen is None else chosen
+
     def start(
         self, envs: Sequence[int], levels: Sequence[int], objects: Sequence[Any], targets: Sequence[str | None]
     ) -> list[int]:
@@ -86,6 +93,19 @@ class Episodes:
         self.progress.restart(envs)
         now = [(start.scene, target) for start, (_, target) in zip(starts, cast, strict=True)]
         return [env for env, old, new in zip(envs, before, now, strict=True) if old != new]
+
+    def choices_of(self, env: int) -> tuple[str | ArticulatedObject, ...]:
+        """What an environment draws its objects from."""
+        return self._castings[env].choices
+
+    def draw_from(self, choices: Sequence[ObjectChoice]) -> None:
+        """Have each environment draw its next objects from another choice.
+
+        Raises:
+            UnknownNameError, AssetError: as of a new environment; nothing has changed then.
+        """
+        castings = zip(self._castings, choices, strict=True)
+        self._castings = [Casting(self.task, choice, casting.fixed_target) for casting, choice in castings]
 
     def _begin(self, obj: ArticulatedObject, target: str, level: int) -> Start:
         state = self.task.sample_initial_state(obj, level_generator(level, Stream.INITIAL_STATE))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from artiskill.errors import DivergedError
 from artiskill.scene.layout import Layout
 from artiskill.scene.scene import Scene
 from artiskill.sim.simulation import Simulation
@@ -52,6 +53,10 @@ class Squad:
         """Give a slot to an environment, or, with `FREE`, to nobody."""
         self.members[slot] = env
         self.taken = np.flatnonzero(self.members != FREE)
+
+    def goal_at(self, slot: int) -> Goal:
+        """Of one slot, B = 1."""
+        return self._goals[slot]
 
     def make_room(self, count: int, most: int) -> None:
         """See to it that `count` slots are free; a squad that grows has some to spare, but never beyond `most`."""
@@ -113,6 +118,14 @@ class Fleet:
         """What an environment simulates."""
         return self.squad_of(env).simulation.scenes[self.slot[env]]
 
+    def snapshot_of(self, env: int) -> Snapshot:
+        """What is true in one environment, B = 1."""
+        return self.squad_of(env).snapshot.row(int(self.slot[env]))
+
+    def goal_of(self, env: int) -> Goal:
+        """What is asked for in one environment, B = 1."""
+        return self.squad_of(env).goal_at(int(self.slot[env]))
+
     def start(self, envs: Sequence[int], starts: Sequence[Start]) -> None:
         """Begin episodes; environments go over to another squad where their scene's layout asks for it."""
         arriving: dict[Layout, list[tuple[int, Start]]] = {}
@@ -151,14 +164,24 @@ class Fleet:
         Args:
             targets: of each squad, (S, R).
             resting: (B,) bool, environments that do not step.
+
+        Raises:
+            DivergedError: as `Simulation.step`; all others have stepped.
         """
+        diverged = {}
         for squad, values in targets:
             members = squad.members
             active = members != FREE
             active[active] = ~resting[members[active]]
-            if active.any():
+            if not active.any():
+                continue
+            try:
                 squad.simulation.step(values, None if active.all() else np.flatnonzero(active))
-                squad.look()
+            except DivergedError as error:
+                diverged.update({int(members[slot]): cause for slot, cause in error.causes.items()})
+            squad.look()
+        if diverged:
+            raise DivergedError(diverged)
 
     def __iter__(self) -> Iterator[tuple[Squad, np.ndarray, np.ndarray]]:
         """Each squad with its taken slots and the environments in them."""

@@ -39,6 +39,9 @@ class VectorObserver(Protocol):
             What the mode adds to `info`, by environment.
         """
 
+    def close(self) -> None:
+        """Stop threads, if it has any."""
+
 
 class VectorStateObserver:
     """The mode `state`."""
@@ -63,6 +66,9 @@ class VectorStateObserver:
             chosen = wanted[members]
             out[members[chosen]] = values[taken[chosen]]
         return {}
+
+    def close(self) -> None:
+        """See `VectorObserver`."""
 
 
 class VectorVisionObserver:
@@ -94,19 +100,15 @@ class VectorVisionObserver:
         found = self._pool.map(see, order) if self._pool is not None else map(see, order)
         return dict(zip(order, found, strict=True))
 
+    def close(self) -> None:
+        """See `VectorObserver`."""
+        if self._pool is not None:
+            self._pool.shutdown()
+
 
 def row_of(tree: Any, row: int) -> Any:
     """One environment's part of a batch of observations, as views."""
     return {key: row_of(value, row) for key, value in tree.items()} if isinstance(tree, dict) else tree[row]
-
-
-def copy_rows(source: Any, target: Any, rows: np.ndarray) -> None:
-    """Copy some environments' parts of a batch of observations into another batch."""
-    if isinstance(source, dict):
-        for key, value in source.items():
-            copy_rows(value, target[key], rows)
-    else:
-        target[rows] = source[rows]
 
 
 def copied(tree: Any) -> Any:

@@ -13,16 +13,19 @@ from artiskill.tasks.levels import check_level
 
 RESET_OPTIONS = ("level", "object", "target", "reset_mask")
 _MODES = {mode.name.lower(): mode for mode in AutoresetMode}
+_VALUES = tuple(mode.value for mode in AutoresetMode)
 
 
 def as_autoreset_mode(given: AutoresetMode | str) -> AutoresetMode:
-    """Gymnasium's mode by itself or by its name, such as `same_step`.
+    """Gymnasium's mode by itself, by its name, such as `same_step`, or by its value, such as `SameStep`.
 
     Raises:
         UnknownNameError: no such mode.
     """
     if isinstance(given, AutoresetMode):
         return given
+    if given in _VALUES:
+        return AutoresetMode(given)
     check_name("autoreset mode", given, tuple(_MODES))
     return _MODES[given]
 
@@ -33,6 +36,7 @@ def per_env(what: str, given: Any, num_envs: int) -> list[Any]:
     Raises:
         ConfigError: a sequence of another length.
     """
+    given = given.item() if isinstance(given, np.ndarray) and given.ndim == 0 else given
     if given is None or isinstance(given, str | int | np.integer | ArticulatedObject):
         return [given] * num_envs
     if isinstance(given, Sequence | np.ndarray) and len(given) == num_envs:
@@ -65,9 +69,22 @@ def reset_seeds(seed: Any, num_envs: int) -> list[int | None]:
     """
     if seed is None:
         return [None] * num_envs
+    seed = seed.item() if isinstance(seed, np.ndarray) and seed.ndim == 0 else seed
     if isinstance(seed, int | np.integer) and not isinstance(seed, bool):
         seed = [int(seed) + i for i in range(num_envs)]
     return [None if s is None else check_level(s) for s in per_env("seed", seed, num_envs)]
+
+
+def env_number(given: Any, num_envs: int) -> int:
+    """Which environment.
+
+    Raises:
+        ConfigError: there is none of this number.
+    """
+    legal = isinstance(given, int | np.integer) and not isinstance(given, bool) and 0 <= given < num_envs
+    if not legal:
+        raise ConfigError(f"environments are numbered 0 to {num_envs - 1}: there is no {given!r}")
+    return int(given)
 
 
 def at_least_one(name: str, value: Any) -> int:
