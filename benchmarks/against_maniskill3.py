@@ -275,6 +275,8 @@ def main() -> None:
         print("nothing measured: --partnet names the folder of a PartNet-Mobility cabinet, 40147 say; see --help")
         return
     options.partnet = options.partnet.resolve()
+    if not (options.partnet / "mobility.urdf").is_file():
+        parser.error(f"--partnet: {options.partnet} has no mobility.urdf")
     if options.serve:
         serve(options.serve, options.mode[0], options.partnet, options.core)
         return

@@ -21,7 +21,7 @@ PARTS = {
     "engine": (("~", "<built-in method mujoco._batch.step>"),),
     "snapshot": (("vector/fleet.py", "look"),),
     "flags and rewards": (("vector/episodes.py", "evaluate"),),
-    "observation": (("vector/env.py", "_observe"),),
+    "observation": (("vector/observation.py", "observe"),),
 }
 WARM_UP = 5
 
@@ -62,6 +62,8 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=60)
     parser.add_argument("--functions", type=int, default=0, help="how many to list")
     options = parser.parse_args()
+    if options.num_envs < 2:
+        parser.error("--num-envs must be at least 2: one environment is no vector")
     for task in task_names() if "all" in options.task else options.task:
         stats = profiled(task, options)
         total = seconds_of(stats, (("vector/env.py", "step"),))

@@ -80,3 +80,11 @@ def test_without_the_extra_nothing_is_measured(
     assert main(["bench", "--out", str(tmp_path / "out")]) == 2
     assert "pip install 'artiskill[bench]'" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_cannot_be_written_is_said_before_anything_is_measured(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("")
+    assert main(["bench", "--out", str(tmp_path / "file" / "bench")]) == 2
+    assert "cannot write to" in capsys.readouterr().err

@@ -20,7 +20,7 @@ SMALL = {
         "--rollout",
         "8",
         "--out",
-        "a.zip",
+        "many",
     ),
 }
 NEEDS = {"04_train_ppo.py": "stable_baselines3", "05_train_ppo_many.py": "stable_baselines3"}
@@ -29,7 +29,7 @@ SAYS = {
     "02_expert.py": ("reach", "pull", ": solved after"),
     "03_evaluate_your_policy.py": ("expert: 100% solved", "solution_example.py: 0% solved", "Sway: 0% solved"),
     "04_train_ppo.py": ("0% solved", "wrote episodes.csv, curve.png"),
-    "05_train_ppo_many.py": ("4 environments, 10 objects", "saved a.zip"),
+    "05_train_ppo_many.py": ("4 environments, 10 objects", "saved many"),
     "06_demonstrations.py": ("12 demonstrations of", "solved: True, 1200 points"),
     "solution_example.py": (),
 }

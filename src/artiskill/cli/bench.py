@@ -49,6 +49,7 @@ def run(arguments: argparse.Namespace) -> None:
     from artiskill.bench.run import measure_alone
     from artiskill.cli.bench_table import print_bench
     from artiskill.cli.progress import Progress
+    from artiskill.jobs.whole_files import check_writable
 
     cases = make_cases(
         arguments.task,
@@ -59,6 +60,8 @@ def run(arguments: argparse.Namespace) -> None:
         arguments.points,
         arguments.seconds,
     )
+    if arguments.out is not None:
+        check_writable(arguments.out)  # before minutes of measuring
     plot = arguments.out is not None and not arguments.no_plot
     if plot:
         figure_class()  # minutes later would be late to say that it is missing
