@@ -60,11 +60,11 @@ def run(arguments: argparse.Namespace) -> None:
         arguments.points,
         arguments.seconds,
     )
-    if arguments.out is not None:
-        check_writable(arguments.out)  # before minutes of measuring
     plot = arguments.out is not None and not arguments.no_plot
     if plot:
         figure_class()  # minutes later would be late to say that it is missing
+    if arguments.out is not None:
+        check_writable(arguments.out)  # before minutes of measuring
     machine, measurements = machine_facts(), []
     with Progress("bench", len(cases), "figures") as progress:
         for case in cases:
