@@ -23,12 +23,13 @@ from sensor_scenes import BenchmarkScene, ring, robot_and_cabinet
 from artiskill.sensors.camera import Camera
 from artiskill.sensors.camera_batch import CameraBatch
 from artiskill.sensors.lighting import View
-from artiskill.sensors.rasterise import draw_geoms, fill_background
 from artiskill.sensors.render_config import load_render_config
-from artiskill.sensors.render_views import allocate_scratch
+from artiskill.sensors.render_views import colour_rows, draw_view, forget_faces
 from artiskill.sensors.renderer import Renderer
-from artiskill.sensors.resolve import resolve_depth, resolve_geom, resolve_position
-from artiskill.sensors.shade_fast import shade_fast
+from artiskill.sensors.resolve import resolve_depth, resolve_ids, resolve_position
+from artiskill.sensors.runs import list_runs
+from artiskill.sensors.scratch import BAND_ROWS, drawing_of, thread_scratch
+from artiskill.sensors.shade_fast import set_up_faces
 
 _ALL = ("rgb", "depth", "position_w", "geom")
 _CHANNEL_SETS = (_ALL, ("rgb",), ("depth",), ("position_w",), ("geom",))
@@ -66,48 +67,87 @@ def report_channels(scene: BenchmarkScene, renderer: Renderer, rounds: int) -> N
         print(f"  {'+'.join(channels):32s} {ms['new']:6.2f} ms, into given arrays {ms['reused']:6.2f} ms")
 
 
+class Stages:
+    """The stages of drawing a scene's views, each a call of its own."""
+
+    def __init__(self, scene: BenchmarkScene, renderer: Renderer) -> None:
+        self.size = scene.cameras[0].height, scene.cameras[0].width
+        self.tables, self.light = renderer._tables, renderer._lights
+        self.plain = renderer._plain_colours
+        poses = renderer._poses(scene.positions[None], scene.quaternions[None])
+        self.pose = poses.positions[0], poses.rotations[0]
+        self.scratch = thread_scratch(self.tables, len(scene.cameras), *self.size)
+        self.views = [View(c.position_w, c.rotation_w, c.lens()) for c in scene.cameras]
+        self.drawings = [drawing_of(self.scratch.drawings, k) for k in range(len(self.views))]
+        self.faces = [0] * len(self.views)
+        self.depth, self.ids = np.empty(self.size, np.float32), np.empty(self.size, np.int32)
+        self.xyz = np.empty((*self.size, 3), np.float32)
+        self.draw()
+
+    def draw(self) -> None:
+        """Into the buffers."""
+        self.backdrops = [
+            draw_view(self.tables, *self.pose, view, True, drawing, self.scratch)
+            for view, drawing in zip(self.views, self.drawings, strict=True)
+        ]
+
+    def runs(self) -> None:
+        """Lists of runs and faces."""
+        for k, d in enumerate(self.drawings):
+            forget_faces(self.faces[k], d)
+            self.faces[k] = list_runs(d.triangle, d.drawn, d.face_state, d.seen, d.runs, d.row_runs)
+
+    def set_up(self) -> None:
+        """Faces ready for colouring."""
+        for view, drawing, count in zip(self.views, self.drawings, self.faces, strict=True):
+            set_up_faces(count, self.tables, self.pose[1], view, self.light, drawing, self.scratch.lit)
+
+    def colour(self) -> None:
+        """Depths and colours, band by band."""
+        bands = self.scratch.textured, self.scratch.depth[0], self.scratch.rgb[0]
+        for k, view in enumerate(self.views):
+            for top in range(0, self.size[0], BAND_ROWS):
+                rows = top, min(BAND_ROWS, self.size[0] - top)
+                looks = self.tables, view, self.light, self.plain, self.backdrops[k], self.drawings[k]
+                colour_rows(*rows, *looks, *bands)
+
+    def resolve_depth(self) -> None:
+        """Depth of whole views."""
+        for backdrop, d in zip(self.backdrops, self.drawings, strict=True):
+            resolve_depth(0, backdrop, d.drawn, d.inverse_depth, d.triangle, self.depth)
+
+    def resolve_positions(self) -> None:
+        """World positions of whole views."""
+        for view in self.views:
+            resolve_position(self.depth, view, self.xyz)
+
+    def resolve_ids(self) -> None:
+        """Ids of whole views."""
+        tables = self.tables.face_geom, self.tables.geom_body_id
+        for backdrop, d in zip(self.backdrops, self.drawings, strict=True):
+            resolve_ids(backdrop, d.drawn, d.triangle, *tables, self.ids)
+
+    def forget(self) -> None:
+        """Leave the thread's scratch as it was found."""
+        for count, drawing in zip(self.faces, self.drawings, strict=True):
+            forget_faces(count, drawing)
+
+
 def report_stages(scene: BenchmarkScene, renderer: Renderer, rounds: int) -> None:
-    """Each stage alone, for all three cameras."""
-    height, width = scene.cameras[0].height, scene.cameras[0].width
-    tables, light, plain = renderer._tables, renderer._lights, renderer._plain_rows(width)
-    poses = renderer._poses(scene.positions[None], scene.quaternions[None])
-    views = [View(c.position_w, c.rotation_w, c.lens()) for c in scene.cameras]
-    scratches = [allocate_scratch(tables, height, width) for _ in views]
-    ids = np.empty((height, width), np.int32)
-    xyz, rgb = np.empty((height, width, 3), np.float32), np.empty((height, width, 3), np.uint8)
-    jobs = list(zip(views, scratches, strict=True))
-
-    def clear() -> None:
-        for view, s in jobs:
-            fill_background(*view, True, s.inverse_depth, s.triangle)
-
-    def draw() -> None:
-        for view, s in jobs:
-            fill_background(*view, True, s.inverse_depth, s.triangle)
-            geometry = s.camera, s.projected, s.candidates
-            draw_geoms(
-                tables, poses.positions[0], poses.rotations[0], view, *geometry, s.inverse_depth, s.triangle
-            )
-
-    def shade() -> None:
-        for view, s in jobs:
-            buffers = s.camera, s.depth[0], s.triangle
-            shade_fast(tables, poses.rotations[0], view, light, plain, *buffers, s.shade, rgb)
-
-    draw()
-    ms = best_ms(
-        {
-            "poses": lambda: renderer._poses(scene.positions[None], scene.quaternions[None]),
-            "clear and floor": clear,
-            "cull, project, scan": draw,
-            "depth": lambda: [resolve_depth(s.inverse_depth, s.triangle, s.depth[0]) for s in scratches],
-            "positions": lambda: [resolve_position(s.depth[0], s.triangle, v, xyz) for v, s in jobs],
-            "ids": lambda: [resolve_geom(s.triangle, tables.face_geom, ids) for s in scratches],
-            "colours": shade,
-        },
-        rounds,
-    )
-    ms["cull, project, scan"] -= ms["clear and floor"]
+    """Each stage alone, for all three cameras; the calls take some of it, most of that of the colours."""
+    stages = Stages(scene, renderer)
+    works = {
+        "poses": lambda: renderer._poses(scene.positions[None], scene.quaternions[None]),
+        "cull, project, scan": stages.draw,
+        "runs": stages.runs,
+        "faces": stages.set_up,
+        "depth and colours": stages.colour,
+        "depth": stages.resolve_depth,
+        "positions": stages.resolve_positions,
+        "ids": stages.resolve_ids,
+    }
+    ms = best_ms(works, rounds)
+    stages.forget()
     print("  by stage: " + ", ".join(f"{name} {value:.3f}" for name, value in ms.items()) + " ms")
 
 

@@ -10,8 +10,8 @@ from artiskill.assets.catalog import load_object
 from artiskill.robots.config import load_robot
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.scene import build_scene
+from artiskill.sensors.backdrop import FLOOR, NOTHING
 from artiskill.sensors.camera import Camera
-from artiskill.sensors.rasterise import FLOOR, NOTHING
 from artiskill.sensors.render_config import load_render_config
 from artiskill.sensors.renderer import Renderer
 from artiskill.sensors.triangle_soup import BodyVisual

@@ -2,7 +2,15 @@ import numpy as np
 import pytest
 from numba import njit
 
-from artiskill.sensors.lanes import LANES, copy_lanes, draw_lanes, equal_lanes, shade_lanes
+from artiskill.sensors.lanes import (
+    LANES,
+    copy_lanes,
+    draw_lanes,
+    equal_lanes,
+    shade_lanes,
+    weave_lanes,
+    weave_pixels,
+)
 
 WIDTH = 3 * LANES
 
@@ -72,3 +80,31 @@ def test_shading_is_the_scalar_formula_bit_for_bit(rng, curved):
         expected = np.clip(value, np.float32(0), np.float32(255)).astype(np.uint8)
         np.testing.assert_array_equal(rgb[1, 3 : 3 + LANES, k], expected)
     assert rgb.sum() == rgb[1, 3 : 3 + LANES].sum()
+
+
+@njit
+def weave(out, index, source, first, second, third):
+    weave_lanes(out, index, source, first, second, third)
+
+
+@njit
+def weave_bytes(out, index, source, first, second, third):
+    weave_pixels(out, index, source, first, second, third)
+
+
+def test_weaving_interleaves_numbers(rng):
+    source = rng.uniform(0, 1, (3, WIDTH)).astype(np.float32)
+    out = np.zeros(4 * WIDTH, dtype=np.float32)
+    weave(out, 5, source, 2, WIDTH + 7, 2 * WIDTH)
+    expected = np.stack((source[0, 2 : 2 + LANES], source[1, 7 : 7 + LANES], source[2, :LANES]), axis=1)
+    np.testing.assert_array_equal(out[5 : 5 + 3 * LANES], expected.reshape(-1))
+    assert np.count_nonzero(out) == 3 * LANES
+
+
+def test_weaving_interleaves_pixels(rng):
+    source = rng.integers(1, 256, (3, WIDTH, 3)).astype(np.uint8)
+    out = np.zeros((WIDTH, 3, 3), dtype=np.uint8)
+    weave_bytes(out, 4, source, 1, WIDTH + 3, 2 * WIDTH + 8)
+    expected = np.stack((source[0, 1 : 1 + LANES], source[1, 3 : 3 + LANES], source[2, 8 : 8 + LANES]), axis=1)
+    np.testing.assert_array_equal(out[4 : 4 + LANES], expected)
+    assert np.count_nonzero(out) == 9 * LANES

@@ -9,6 +9,7 @@ import pytest
 from artiskill.config import from_mapping
 from artiskill.errors import ConfigError
 from artiskill.sensors.camera import Camera
+from artiskill.sensors.camera_batch import views_of
 from artiskill.sensors.panorama import CamerasConfig, Panorama
 from artiskill.tasks.registry import make_task
 
@@ -35,8 +36,8 @@ def test_the_task_has_the_benchmarks_cameras() -> None:
 
 def test_cameras_stand_120_degrees_apart_and_look_45_degrees_down() -> None:
     yaw = 0.3
-    cameras, _ = Panorama(config()).place(1.0, -2.0, yaw)
-    for k, camera in enumerate(cameras):
+    panorama = Panorama(config())
+    for k, camera in enumerate(panorama.cameras(panorama.rays(1.0, -2.0, yaw))):
         heading = yaw + k * 2 * math.pi / 3
         forward = np.array((math.cos(heading), math.sin(heading), -1.0)) / math.sqrt(2.0)
         np.testing.assert_allclose(-camera.rotation_w[:, 2], forward, atol=1e-12)
@@ -50,15 +51,16 @@ def test_cameras_stand_120_degrees_apart_and_look_45_degrees_down() -> None:
 
 @pytest.mark.parametrize("pitch_down_deg", [-90, 0, 90])
 def test_any_pitch_gives_legal_cameras(pitch_down_deg: float) -> None:
-    for camera in Panorama(config(pitch_down_deg=pitch_down_deg)).place(0.0, 0.0, 1.0)[0]:
+    panorama = Panorama(config(pitch_down_deg=pitch_down_deg))
+    for camera in panorama.cameras(panorama.rays(0.0, 0.0, 1.0)):
         replace(camera)  # the class checks that it is a rotation
 
 
 def test_parameters_take_points_to_pixels() -> None:
     panorama = Panorama(config())
     x, y, yaw = 0.7, -0.4, 2.0
-    cameras, _ = panorama.place(x, y, yaw)
-    parameters = panorama.parameters(cameras)
+    rays = panorama.rays(x, y, yaw)
+    cameras, parameters = panorama.cameras(rays), panorama.parameters(rays)
     assert {name: values.shape for name, values in parameters.items()} == {
         "intrinsics": (3, 3, 3),
         "world_to_camera": (3, 4, 4),
@@ -75,8 +77,20 @@ def test_parameters_take_points_to_pixels() -> None:
         np.testing.assert_allclose(pixel, (200, 80, 1), atol=1e-9)
 
 
+def test_arrays_and_cameras_are_the_same_bits() -> None:
+    panorama = Panorama(config(number=5, pitch_down_deg=33.0))
+    rays = panorama.rays(0.7, -0.4, 2.0)
+    cameras, views = panorama.cameras(rays), panorama.views(rays)
+    of_cameras = views_of(cameras)
+    for given, expected in zip(views, of_cameras, strict=True):
+        np.testing.assert_array_equal(given, expected)
+    extrinsics = np.stack([camera.extrinsics for camera in cameras])
+    assert panorama.parameters(rays)["world_to_camera"].tobytes() == extrinsics.tobytes()
+
+
 def test_reach_is_the_farthest_corner() -> None:
-    ray = np.linalg.inv(Panorama(config()).parameters(Panorama(config()).place(0, 0, 0)[0])["intrinsics"][0])
+    panorama = Panorama(config())
+    ray = np.linalg.inv(panorama.parameters(panorama.rays(0, 0, 0))["intrinsics"][0])
     assert config().reach_m == pytest.approx(10 * np.linalg.norm(ray @ (0, 0, 1)))
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from artiskill.errors import ConfigError, StateError, UnknownNameError
 from artiskill.geometry.meshes import TriMesh, box, sphere
+from artiskill.sensors.backdrop import FLOOR, NOTHING
 from artiskill.sensors.camera import Camera
-from artiskill.sensors.rasterise import FLOOR, NOTHING
 from artiskill.sensors.render_config import load_render_config
 from artiskill.sensors.renderer import CHANNELS, Renderer
 
@@ -315,7 +315,8 @@ def test_no_kernel_leaves_its_arrays(root, tmp_path):
     """Numba's bounds check turns a stray index into an error: run this file and the pictures' with it."""
     environment = {**os.environ, "NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path)}
     tests = [
-        str(root / "tests" / "sensors" / name) for name in ("test_renderer.py", "test_picture.py", "test_batch.py")
+        str(root / "tests" / "sensors" / name)
+        for name in ("test_renderer.py", "test_picture.py", "test_batch.py", "test_sight.py")
     ]
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", *tests], env=environment, cwd=root, capture_output=True, text=True

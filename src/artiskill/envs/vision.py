@@ -4,7 +4,6 @@ Neither says anything about the object but by its pixels and masks.
 """
 
 import math
-import threading
 from functools import lru_cache
 from typing import Any, Literal
 
@@ -16,16 +15,12 @@ from artiskill.errors import UnknownNameError
 from artiskill.scene.scene import Scene
 from artiskill.sensors.downsample import Sampler
 from artiskill.sensors.panorama import Panorama
-from artiskill.sensors.point_cloud import (
-    Rays,
-    classify_pixels,
-    move_to_frame,
-    points_of_pixels,
-    write_cloud,
-)
+from artiskill.sensors.picture_sight import CHANNELS, PictureSight
+from artiskill.sensors.point_cloud import Rays, move_to_frame
 from artiskill.sensors.render_config import RenderConfig
-from artiskill.sensors.renderer import Images, Renderer
-from artiskill.sensors.segmentation import mask_codes, write_channels
+from artiskill.sensors.renderer import Renderer
+from artiskill.sensors.segmentation import mask_codes
+from artiskill.sensors.sight import Sight
 from artiskill.sensors.triangle_soup import BodyVisual
 from artiskill.tasks.fields import field_bounds, observe_robot, robot_fields
 from artiskill.tasks.levels import Stream, level_generator
@@ -34,7 +29,6 @@ from artiskill.tasks.task import Task
 Frame = Literal["world", "robot", "end_effector"]
 FRAMES: tuple[Frame, ...] = ("world", "robot", "end_effector")
 
-_CHANNELS = ("rgb", "depth", "geom")
 _RENDERERS = 128  # scenes; a generated cabinet's takes about 3 MB
 _BASE_REACH_M = 20.0  # bound of the base's place, as in the robot's part of the state
 
@@ -65,47 +59,24 @@ class Eyes:
         self._scene = scene
         self.codes = mask_codes(self.task.masks(scene, target))
 
-    def look(self, instant: Instant, rgb: np.ndarray | None = None) -> tuple[Images, Rays, dict[str, Any]]:
-        """Colour, depth and ids of all cameras, their rays, and `info["cameras"]`; valid until the next look.
-
-        Args:
-            instant: when, and of which environment.
-            rgb: (C, H, W, 3) uint8, where colours are to go.
-        """
+    def look(self, instant: Instant) -> tuple[Sight | PictureSight, Rays, dict[str, Any]]:
+        """What all cameras see, their rays, and `info["cameras"]`; valid until the calling thread's next look."""
         assert self._scene is not None, "an observer is entered before it observes"
         snapshot, row = instant.snapshot, instant.row
         base = snapshot.robot_qpos[row, :3].tolist()
-        cameras, rays = self.panorama.place(*base)
-        canvas = _canvas(self.shape)
-        if rgb is not None:
-            canvas = Images({"rgb": rgb, "depth": canvas.depth, "geom": canvas.geom})
-        images = _renderer(self._scene, self.task.render).render(
-            snapshot.body_position_w[row], snapshot.body_quaternion_w[row], cameras, _CHANNELS, canvas
-        )
-        return images, rays, {"cameras": self.panorama.parameters(cameras)}
+        rays = self.panorama.rays(*base)
+        renderer = _renderer(self._scene, self.task.render)
+        poses = snapshot.body_position_w[row], snapshot.body_quaternion_w[row]
+        if self.task.render.quality == "fast":
+            sight: Sight | PictureSight = renderer.sight(*poses, self.panorama.views(rays), self.shape[1:])
+        else:
+            sight = PictureSight(renderer.render(*poses, self.panorama.cameras(rays), CHANNELS))
+        return sight, rays, {"cameras": self.panorama.parameters(rays)}
 
     def feel(self, instant: Instant, out: np.ndarray) -> None:
         """The robot's part of the state, (38,) or (68,) float32."""
         values = observe_robot(instant.snapshot, instant.row)[0]
         np.minimum(np.maximum(values, -self._upper), self._upper, out=out)
-
-
-_kept = threading.local()
-
-
-def _canvas(shape: tuple[int, int, int]) -> Images:
-    """Where to render to, each thread its own: memory used before, for new memory takes time."""
-    if getattr(_kept, "shape", None) != shape:
-        _kept.shape = shape
-        _kept.images = Images(
-            {
-                "rgb": np.empty((*shape, 3), dtype=np.uint8),
-                "depth": np.empty(shape, dtype=np.float32),
-                "geom": np.empty(shape, dtype=np.int32),
-            }
-        )
-    images: Images = _kept.images
-    return images
 
 
 class RgbdObserver:
@@ -134,12 +105,11 @@ class RgbdObserver:
 
     def observe(self, instant: Instant, out: dict[str, Any]) -> dict[str, Any]:
         """See the class."""
-        images, _, info = self._eyes.look(instant)
-        number, height, width = images.geom.shape
+        sight, _, info = self._eyes.look(instant)
+        number, height, width = self._eyes.shape
         rgb = out["rgbd"]["rgb"].reshape(height, width, number, 3)
         seg = out["rgbd"]["seg"].reshape(height, width, number, self._eyes.masks)
-        seg[...] = False
-        write_channels(images.rgb, images.depth, images.geom, self._eyes.codes, rgb, out["rgbd"]["depth"], seg)
+        sight.channels(self._eyes.codes, rgb, out["rgbd"]["depth"], seg)
         self._eyes.feel(instant, out["agent"])
         return info
 
@@ -196,36 +166,24 @@ class PointCloudObserver:
 
     def _all(self, instant: Instant, cloud: dict[str, np.ndarray]) -> dict[str, Any]:
         shape = self._eyes.shape
-        images, rays, info = self._eyes.look(instant, cloud["rgb"].reshape(*shape, 3))
-        xyz, seg = cloud["xyz"].reshape(*shape, 3), cloud["seg"].reshape(*shape, self._eyes.masks)
-        seg[...] = False
-        write_cloud(images.depth, images.geom, self._eyes.codes, rays, xyz, seg)
+        sight, rays, info = self._eyes.look(instant)
+        parts = (cloud[name].reshape(*shape, -1) for name in ("xyz", "rgb", "seg"))
+        sight.cloud(self._eyes.codes, rays, *parts)
         return info
 
     def _sampled(self, instant: Instant, sampler: Sampler, cloud: dict[str, np.ndarray]) -> dict[str, Any]:
         """The sampler's choice of pixels; only those become points."""
-        images, rays, info = self._eyes.look(instant)
-        depth, geom = images.depth, images.geom
-
-        def positions_of(pixels: np.ndarray) -> np.ndarray:
-            xyz = np.empty((len(pixels), 3), dtype=np.float32)
-            points_of_pixels(depth, pixels, rays, xyz)
-            return xyz
-
-        code_images = np.empty(geom.shape, dtype=np.uint8)
-        classify_pixels(depth, geom, self._eyes.codes, rays, code_images)
-        pixel_codes = code_images.reshape(-1)
+        sight, rays, info = self._eyes.look(instant)
+        pixel_codes = sight.classified(self._eyes.codes, rays)
         generator = level_generator(instant.level, Stream.POINTS, instant.elapsed)
-        chosen = sampler.choose(pixel_codes, positions_of, generator)
+        chosen = sampler.choose(pixel_codes, lambda pixels: sight.positions(pixels, rays), generator)
         found = len(chosen)
         for part in cloud.values():
             part[found:] = 0
         xyz = cloud["xyz"]
-        xyz[:found] = positions_of(chosen)
+        sight.points(chosen, rays, pixel_codes, xyz[:found], cloud["rgb"][:found], cloud["seg"][:found])
         if self._frame != "world":
             move_to_frame(xyz[:found], *_frame_pose(self._frame, instant))
-        cloud["rgb"][:found] = images.rgb.reshape(-1, 3)[chosen]
-        cloud["seg"][:found] = (pixel_codes[chosen, None] >> np.arange(self._eyes.masks, dtype=np.uint8)) & 1
         return info
 
 

@@ -53,7 +53,7 @@ class Images:
 
     @property
     def geom(self) -> np.ndarray:
-        """(C, H, W) int32 index of the visual; `rasterise.NOTHING` (-1) or `FLOOR` (-2) where there is none."""
+        """(C, H, W) int32 index of the visual; `backdrop.NOTHING` (-1) or `FLOOR` (-2) where there is none."""
         return self["geom"]
 
     @property

@@ -90,6 +90,47 @@ def copy_lanes(context: Any, rgb: Any, index: Any, source: Any, source_index: An
 
 
 @intrinsic
+def weave_lanes(context: Any, out: Any, index: Any, source: Any, first: Any, second: Any, third: Any) -> Any:
+    """Interleave `LANES` numbers of `source` from each of three indices on, into `out` from `index` on.
+
+    Both are float32.
+    """
+
+    def generate(target: Any, b: ir.IRBuilder, signature: Any, args: Any) -> Any:
+        x, y, z = (b.load(_lanes_at(target, b, signature, args, 2, i), align=4) for i in (3, 4, 5))
+        into = _lanes_at(target, b, signature, args, 0, 1)
+        b.store(_woven(b, x, y, z), b.bitcast(into, ir.VectorType(_F32, 3 * LANES).as_pointer()), align=4)
+        return target.get_dummy_value()
+
+    return types.void(out, types.intp, source, types.intp, types.intp, types.intp), generate
+
+
+@intrinsic
+def weave_pixels(context: Any, out: Any, index: Any, source: Any, first: Any, second: Any, third: Any) -> Any:
+    """Interleave `LANES` pixels of `source` from each of three pixels on, into `out` from place `index` on.
+
+    Both are uint8, three per pixel, nine per place of `out`. Shuffles of 16 bytes are what all processors have.
+    """
+
+    def generate(target: Any, b: ir.IRBuilder, signature: Any, args: Any) -> Any:
+        into = _bytes_at(target, b, signature, args, 0, 1, 9)
+        sources = [_bytes_at(target, b, signature, args, 2, i) for i in (3, 4, 5)]
+        for j in range(9):
+            # the nine bytes of a place are three of each source; those for one vector lie within 16 of a source
+            start = min(LANES * j // 9 * 3, 2 * LANES)
+            places = [divmod(LANES * j + lane, 9) for lane in range(LANES)]
+            inside = [(byte // 3, 3 * pixel + byte % 3 - start) for pixel, byte in places]
+            parts = [b.load(_block(b, source, start), align=1) for source in sources]
+            two = [at + LANES * k if k < 2 else 0 for k, at in inside]
+            three = [LANES + at if k == 2 else lane for lane, (k, at) in enumerate(inside)]
+            woven = b.shuffle_vector(b.shuffle_vector(parts[0], parts[1], _places(two)), parts[2], _places(three))
+            b.store(woven, _block(b, into, LANES * j), align=1)
+        return target.get_dummy_value()
+
+    return types.void(out, types.intp, source, types.intp, types.intp, types.intp), generate
+
+
+@intrinsic
 def shade_lanes(
     context: Any,
     rgb: Any,
@@ -175,18 +216,36 @@ def _write_colours(
     target: Any, b: ir.IRBuilder, signature: Any, args: Any, index: int, colours: list[ir.Value]
 ) -> None:
     """Interleave three vectors of bytes and store them at pixel `args[index]` of the first argument."""
-    red, green, blue = colours
-    nothing = ir.Constant(_vector(_I8), ir.Undefined)
-    pairs = b.shuffle_vector(red, green, ir.Constant(ir.VectorType(_I32, 2 * LANES), list(range(2 * LANES))))
-    wide = ir.Constant(ir.VectorType(_I32, 2 * LANES), [min(i, LANES) for i in range(2 * LANES)])
-    third = b.shuffle_vector(blue, nothing, wide)
-    order = [LANES * k + i for i in range(LANES) for k in range(3)]
-    pixels = b.shuffle_vector(pairs, third, ir.Constant(ir.VectorType(_I32, 3 * LANES), order))
-    b.store(pixels, _pixels_at(target, b, signature, args, 0, index), align=1)
+    b.store(_woven(b, *colours), _pixels_at(target, b, signature, args, 0, index), align=1)
+
+
+def _woven(b: ir.IRBuilder, x: ir.Value, y: ir.Value, z: ir.Value) -> ir.Value:
+    """Three vectors interleaved: the first lanes of each, the second ones, ..."""
+    pairs = b.shuffle_vector(x, y, _places(list(range(2 * LANES))))
+    nothing = ir.Constant(z.type, ir.Undefined)
+    third = b.shuffle_vector(z, nothing, _places([min(i, LANES) for i in range(2 * LANES)]))
+    return b.shuffle_vector(pairs, third, _places([LANES * k + i for i in range(LANES) for k in range(3)]))
+
+
+def _places(lanes: list[int]) -> ir.Constant:
+    """Which lanes of two vectors a shuffle takes."""
+    return ir.Constant(ir.VectorType(_I32, len(lanes)), lanes)
 
 
 def _pixels_at(target: Any, b: ir.IRBuilder, signature: Any, args: Any, array: int, index: int) -> ir.Value:
     """Pointer to the bytes of `LANES` pixels of argument `array` from the argument `index` on."""
-    data = target.make_array(signature.args[array])(target, b, args[array]).data
-    start = b.gep(data, [b.mul(args[index], args[index].type(3))])
+    start = _bytes_at(target, b, signature, args, array, index)
     return b.bitcast(start, ir.VectorType(_I8, 3 * LANES).as_pointer())
+
+
+def _bytes_at(
+    target: Any, b: ir.IRBuilder, signature: Any, args: Any, array: int, index: int, per_item: int = 3
+) -> ir.Value:
+    """Pointer to where the item `args[index]` of argument `array` begins."""
+    data = target.make_array(signature.args[array])(target, b, args[array]).data
+    return b.gep(data, [b.mul(args[index], args[index].type(per_item))])
+
+
+def _block(b: ir.IRBuilder, start: ir.Value, offset: int) -> ir.Value:
+    """Pointer to `LANES` bytes."""
+    return b.bitcast(b.gep(start, [_I32(offset)]), _vector(_I8).as_pointer())

@@ -1,66 +1,99 @@
 """Kernels that colour the pixels of a view from what was set up for each face that is seen, see `set_up_faces`."""
 
+from typing import Any
+
 import numpy as np
 
-from artiskill.geometry.kernel import Array, kernel
-from artiskill.sensors.lanes import LANES, copy_lanes, equal_lanes, shade_lanes
-from artiskill.sensors.rasterise import FLOOR
+from artiskill.geometry.kernel import Array, inlined_kernel, kernel
+from artiskill.sensors.lanes import LANES, copy_lanes, shade_lanes
+from artiskill.sensors.row_fill import copy
 from artiskill.sensors.texture import texel_row
 
-# what is known of a face in the present view; a textured one's state also tells its mipmap, by what it exceeds it
-UNSEEN, SEEN, CONSTANT, LINEAR, TEXTURED = 0, 1, 2, 3, 4
+# what is known of a seen face once it is set up; a textured one's state also tells its mipmap, by its excess
+CONSTANT, LINEAR, TEXTURED = 2, 3, 4
 
 Factors = tuple[np.floating, np.floating, np.floating]
 
 
 @kernel
-def paint_runs(
+def paint_rows(
+    first: int,
+    rows: int,
     lens: Array,
     plain: Array,
+    floor: Array,
+    runs: Array,
+    row_runs: Array,
     depth: Array,
     triangle: Array,
     face_state: Array,
     planes: Array,
-    runs: Array,
+    textured: Array,
     rgb: Array,
-) -> tuple[int, int]:
-    """Colour the pixels of all rows but the last, by runs of pixels that show one face; list textured runs.
+) -> int:
+    """Colour some rows of a view, but for textured runs, which are listed.
 
-    Lanes beyond a run are written too, and then again with the next run. In the last rows they would leave the
-    image.
+    Lanes beyond a run are written too, and then again with what follows; the last row leaves some behind its end.
+
+    Args:
+        first: row of the view.
+        rows: how many.
+        lens: of the camera.
+        plain: (2, 3) uint8 colours of background and floor.
+        floor: (H, 2) see `Backdrop`.
+        runs: (R, 2) of the view, as the next argument from `list_runs`.
+        row_runs: (H + 1,).
+        depth: (rows * W + LANES,) float32 metres.
+        triangle: (H, W) buffer.
+        face_state: (F,) uint8.
+        planes: (F, 5, 3) see `Drawing`.
+        textured: (R,) int32 written: runs that are left to `paint_textures`.
+        rgb: (rows * W + LANES, 3) uint8 written.
 
     Returns:
-        How many rows are done, and how many rows of `runs` are in use: the runs that are left to `paint_textures`.
+        How many entries of `textured` are in use.
     """
-    height, width = triangle.shape
-    rows = max(0, height - 1 - (LANES - 1) // width) if width >= LANES else 0
-    textured = 0
+    width = triangle.shape[1]
+    ids = triangle.reshape(-1)
+    line = np.empty((width + LANES, 3), dtype=np.uint8)  # a row without faces
+    line_start, line_end = -1, -1
+    left = 0
     per_px = np.float32(1.0 / lens[0])
     centre_x, centre_y = np.float32(lens[1] - 0.5), np.float32(lens[2] - 0.5)
-    for row in range(rows):
+    for row in range(first, first + rows):
+        if floor[row, 0] != line_start or floor[row, 1] != line_end:
+            line_start, line_end = floor[row, 0], floor[row, 1]
+            for column in range(width + LANES):
+                kind = 1 if line_start <= column < line_end else 0
+                for k in range(3):
+                    line[column, k] = plain[kind, k]
         y = (centre_y - np.float32(row)) * per_px
-        column = 0
-        while column < width:
-            index = row * width + column
-            t = triangle[row, column]
-            count = min(equal_lanes(triangle, index), width - column)
-            if t < 0:
-                copy_lanes(rgb, index, plain, width if t == FLOOR else 0)
-            elif face_state[t] >= TEXTURED:
-                runs[textured, 0], runs[textured, 1] = index, count
-                textured += 1
+        at = (row - first) * width  # of the row's first pixel in `rgb`
+        copy(line.reshape(-1)[: 3 * width], rgb.reshape(-1)[3 * at :])
+        begin, end = row_runs[row], row_runs[row + 1]
+        for i in range(begin, end):
+            column, count = runs[i, 0] - row * width, runs[i, 1]
+            t = ids[runs[i, 0]]
+            if face_state[t] >= TEXTURED:
+                textured[left] = i
+                left += 1
             else:
                 curved = np.float32(0.0 if face_state[t] == CONSTANT else 1.0)
                 red, green, blue = factors(planes, t, 0), factors(planes, t, 1), factors(planes, t, 2)
-                shade_lanes(rgb, depth, index, column, centre_x, per_px, y, curved, red, green, blue)
+                shade_lanes(rgb, depth, at + column, column, centre_x, per_px, y, curved, red, green, blue)
             column += count
-    return rows, textured
+            following = runs[i + 1, 0] - row * width if i + 1 < end else width
+            if column < following:
+                copy_lanes(rgb, at + column, line, column)
+    return left
 
 
 @kernel
 def paint_textures(
-    runs: Array,
+    first: int,
     lens: Array,
+    runs: Array,
+    textured: Array,
     depth: Array,
     triangle: Array,
     face_state: Array,
@@ -70,31 +103,33 @@ def paint_textures(
     texels: Array,
     rgb: Array,
 ) -> None:
-    """Colour runs (R, 2) of textured pixels."""
+    """Colour textured runs of the rows from `first` on; arguments as of `paint_rows`, `textured` those in use."""
     width = triangle.shape[1]
+    ids = triangle.reshape(-1)
     per_px = np.float32(1.0 / lens[0])
     centre_x, centre_y = np.float32(lens[1] - 0.5), np.float32(lens[2] - 0.5)
-    for i in range(runs.shape[0]):
-        row, first = runs[i, 0] // width, runs[i, 0] % width
-        t = triangle[row, first]
+    for i in textured:
+        row, begin = runs[i, 0] // width, runs[i, 0] % width
+        t = ids[runs[i, 0]]
         g, level = face_geom[t], face_state[t] - TEXTURED
         image = textures[g, level, 0], textures[g, level, 1], textures[g, level, 2]
         y = (centre_y - np.float32(row)) * per_px
-        for column in range(first, first + runs[i, 1]):
-            x, z = (np.float32(column) - centre_x) * per_px, depth[row, column]
+        at = (row - first) * width
+        for column in range(begin, begin + runs[i, 1]):
+            x, z = (np.float32(column) - centre_x) * per_px, depth[at + column]
             u, v = z * linear(planes, t, 3, x, y), z * linear(planes, t, 4, x, y)
             texel = texel_row(image[0], image[1], image[2], u, v)
             for k in range(3):
-                rgb[row, column, k] = byte(z * linear(planes, t, k, x, y) * tint(texels[texel, k]))
+                rgb[at + column, k] = byte(z * linear(planes, t, k, x, y) * tint(texels[texel, k]))
 
 
-@kernel
-def paint_rows(
-    first: int,
-    lens: Array,
-    plain: Array,
-    depth: Array,
-    triangle: Array,
+@inlined_kernel
+def paint_pixel(
+    i: int,
+    x: Any,
+    y: Any,
+    z: Any,
+    t: int,
     face_state: Array,
     planes: Array,
     face_geom: Array,
@@ -102,28 +137,17 @@ def paint_rows(
     texels: Array,
     rgb: Array,
 ) -> None:
-    """Colour the pixels from row `first` on, one by one."""
-    per_px = np.float32(1.0 / lens[0])
-    centre_x, centre_y = np.float32(lens[1] - 0.5), np.float32(lens[2] - 0.5)
-    for row in range(first, triangle.shape[0]):
-        y = (centre_y - np.float32(row)) * per_px
-        for column in range(triangle.shape[1]):
-            t = triangle[row, column]
-            if t < 0:
-                for k in range(3):
-                    rgb[row, column, k] = plain[1 if t == FLOOR else 0, 0, k]
-                continue
-            x = (np.float32(column) - centre_x) * per_px
-            z, texel = depth[row, column], -1
-            if face_state[t] == CONSTANT:
-                z = np.float32(1.0)
-            if face_state[t] >= TEXTURED:
-                u, v = z * linear(planes, t, 3, x, y), z * linear(planes, t, 4, x, y)
-                g, level = face_geom[t], face_state[t] - TEXTURED
-                texel = texel_row(textures[g, level, 0], textures[g, level, 1], textures[g, level, 2], u, v)
-            for k in range(3):
-                value = z * linear(planes, t, k, x, y)
-                rgb[row, column, k] = byte(value if texel < 0 else value * tint(texels[texel, k]))
+    """Colour entry i of rgb (N, 3): a pixel that shows face t at depth z through the ray (x, y, 1)."""
+    texel = -1
+    if face_state[t] == CONSTANT:
+        z = np.float32(1.0)
+    if face_state[t] >= TEXTURED:
+        u, v = z * linear(planes, t, 3, x, y), z * linear(planes, t, 4, x, y)
+        g, level = face_geom[t], face_state[t] - TEXTURED
+        texel = texel_row(textures[g, level, 0], textures[g, level, 1], textures[g, level, 2], u, v)
+    for k in range(3):
+        value = z * linear(planes, t, k, x, y)
+        rgb[i, k] = byte(value if texel < 0 else value * tint(texels[texel, k]))
 
 
 @kernel

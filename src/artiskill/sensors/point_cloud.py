@@ -7,6 +7,7 @@ import numpy as np
 
 from artiskill.geometry.kernel import Array, kernel
 from artiskill.sensors.camera import Camera
+from artiskill.sensors.lanes import LANES, weave_lanes
 from artiskill.sensors.segmentation import COUNTS, FIRST_ID, write_masks
 
 # Points up to this height are ground for down-sampling, as in the benchmark's baselines.
@@ -55,13 +56,31 @@ def unproject(depth: Any, right: Any, ray: Any, along_row: Any, origin: Any) -> 
 
 
 @kernel
-def unproject_row(depth: Array, rays: Rays, camera: int, row: int, k: int, out: Array) -> None:
-    """Coordinate k of all points of a row, (W,), 0 where nothing is seen; plain enough for vector instructions."""
-    ray, along, origin = row_ray(rays, camera, row, k)
-    for column in range(depth.shape[2]):
-        d = depth[camera, row, column]
+def unproject_row(depth: Array, rights: Array, ray: Any, along: Any, origin: Any, out: Array) -> None:
+    """One coordinate of all points of a row, (W,), 0 where nothing is seen; plain enough to be vectorised."""
+    for column in range(depth.shape[0]):
+        d = depth[column]
         from_origin = origin if d > 0.0 else np.float32(0.0)
-        out[column] = unproject(d, rays.rights[column], ray, along, from_origin)
+        out[column] = unproject(d, rights[column], ray, along, from_origin)
+
+
+@kernel
+def unproject_rows(depth: Array, rays: Rays, camera: int, top: int, xyz: Array) -> None:
+    """All points of some rows of a camera: depths (R, W) from row `top` on, to (R, W, 3) float32 world."""
+    rows, width = depth.shape
+    rights = rays.rights
+    line = np.empty((3, width), dtype=np.float32)
+    for row in range(rows):
+        for k in range(3):
+            ray, along, origin = row_ray(rays, camera, top + row, k)
+            unproject_row(depth[row], rights, ray, along, origin, line[k])
+        start, done = 3 * width * row, 0
+        while done + LANES <= width:
+            weave_lanes(xyz, start + 3 * done, line, done, width + done, 2 * width + done)
+            done += LANES
+        for column in range(done, width):
+            for k in range(3):
+                xyz[row, column, k] = line[k, column]
 
 
 @kernel
@@ -76,17 +95,9 @@ def write_cloud(depth: Array, geom: Array, codes: Array, rays: Rays, xyz: Array,
         xyz: (C, H, W, 3) float32 world, written; the world's origin where nothing is seen.
         seg: (C, H, W, k) bool, False to begin with; written where a point lies in a mask.
     """
-    cameras, height, width = depth.shape
-    line = np.empty((3, width), dtype=np.float32)
-    for camera in range(cameras):
-        for row in range(height):
-            for k in range(3):
-                unproject_row(depth, rays, camera, row, k, line[k])
-            for column in range(width):
-                xyz[camera, row, column, 0] = line[0, column]
-                xyz[camera, row, column, 1] = line[1, column]
-                xyz[camera, row, column, 2] = line[2, column]
-            write_masks(geom[camera, row], codes, seg[camera, row])
+    for camera in range(depth.shape[0]):
+        unproject_rows(depth[camera], rays, camera, 0, xyz[camera])
+    write_masks(geom.reshape(-1), codes, seg.reshape(-1, seg.shape[3]))
 
 
 @kernel
@@ -105,7 +116,8 @@ def classify_pixels(depth: Array, geom: Array, codes: Array, rays: Rays, out: Ar
     line = np.empty(width, dtype=np.float32)
     for camera in range(cameras):
         for row in range(height):
-            unproject_row(depth, rays, camera, row, 2, line)
+            ray, along, origin = row_ray(rays, camera, row, 2)
+            unproject_row(depth[camera, row], rays.rights, ray, along, origin, line)
             for column in range(width):
                 visual = geom[camera, row, column]
                 code = np.uint8(0)

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from artiskill.geometry.kernel import Array, Point, kernel
+from artiskill.sensors.backdrop import FLOOR
 from artiskill.sensors.lighting import Lights, View, dot3, encoded, irradiance, tone_mapped
-from artiskill.sensors.rasterise import FLOOR
 
 _UP = (0.0, 0.0, 1.0)
 # nearer than this a lamp gets no brighter: the inverse square would have no bound
@@ -37,12 +37,20 @@ def point_irradiance(place: Point, normal: Point, light: Lights) -> Point:
 
 
 @kernel
-def light_floor(view: View, light: Lights, triangle: Array, rgb: Array) -> None:
-    """Colour the floor pixel by pixel where lamps make it uneven: (H, W) ids, (H, W, 3) uint8 written."""
+def light_floor(top: int, view: View, light: Lights, triangle: Array, rgb: Array) -> None:
+    """Colour the floor pixel by pixel where lamps make it uneven.
+
+    Args:
+        top: the view's row that comes first in the next arrays.
+        view: the camera.
+        light: with lamps.
+        triangle: (R, W) int32 what the pixels show.
+        rgb: (R, W, 3) uint8 written.
+    """
     r, per_px = view.rotation, 1.0 / view.lens[0]
     height = view.position[2]
     for row in range(triangle.shape[0]):
-        up = (view.lens[2] - 0.5 - row) * per_px
+        up = (view.lens[2] - 0.5 - (top + row)) * per_px
         for column in range(triangle.shape[1]):
             if triangle[row, column] != FLOOR:
                 continue

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from artiskill.geometry.kernel import Array, Point, kernel
+from artiskill.sensors.backdrop import Backdrop, Box, fill_box
 from artiskill.sensors.lighting import View
 from artiskill.sensors.scan_conversion import (
     covers_centres,
@@ -16,8 +17,6 @@ from artiskill.sensors.scan_conversion import (
 )
 from artiskill.sensors.scene_tables import SceneTables
 
-NOTHING = -1
-FLOOR = -2
 # of the distances involved: a face counts as seen from behind only where float32 leaves no doubt
 _BEHIND = 1e-5
 
@@ -26,37 +25,18 @@ Row = tuple[float, float, float, float]
 
 
 @kernel
-def fill_background(
-    position: Array, rotation: Array, lens: Array, has_floor: bool, inverse_depth: Array, triangle: Array
-) -> None:
-    """Clear both buffers, with the floor z = 0 drawn analytically: its inverse depth is linear over the screen."""
-    focal, centre_x, centre_y, near, far = lens[0], lens[1], lens[2], lens[3], lens[4]
-    farthest, nearest = np.float32(1.0 / far), np.float32(1.0 / near)
-    scale = 0.0  # from below the floor is not seen
-    if has_floor and position[2] > 0.0:
-        scale = 1.0 / (position[2] * focal)
-    dw_dx, dw_dy = -rotation[2, 0] * scale, rotation[2, 1] * scale
-    w_corner = (0.5 - centre_x) * dw_dx + (0.5 - centre_y) * dw_dy + rotation[2, 2] * focal * scale
-    for row in range(inverse_depth.shape[0]):
-        w_row = w_corner + row * dw_dy
-        for column in range(inverse_depth.shape[1]):
-            w = np.float32(w_row + column * dw_dx)
-            on_floor = farthest < w <= nearest
-            inverse_depth[row, column] = w if on_floor else farthest
-            triangle[row, column] = FLOOR if on_floor else NOTHING
-
-
-@kernel
 def draw_geoms(
     scene: SceneTables,
     positions: Array,
     rotations: Array,
     view: View,
+    backdrop: Backdrop,
     camera: Array,
     projected: Array,
     candidates: Array,
     inverse_depth: Array,
     triangle: Array,
+    drawn: Array,
 ) -> None:
     """Draw all visuals: culling of whole visuals and of back faces, projection, near clipping, scan conversion.
 
@@ -65,21 +45,30 @@ def draw_geoms(
         positions: (N + 1, 3) of the world and all bodies.
         rotations: (N + 1, 3, 3) likewise.
         view: the camera.
+        backdrop: of the view.
         camera: (V, 3) scratch, see `place_vertices`; rows of visuals out of view are left as they were.
         projected: (V, 3) scratch, likewise.
         candidates: (F,) int32 scratch.
         inverse_depth: (H, W) float32 buffer.
         triangle: (H, W) int32 buffer.
+        drawn: (H, 2) int64 columns of each row where both buffers have values, see `fill_box`.
     """
     height, width = inverse_depth.shape
+    whole = (0.0, float(width), 0.0, float(height))
     for g in range(scene.geom_body.shape[0]):
         pose = scene.geom_body[g] + 1
         rows = body_to_camera(positions, rotations, pose, view)
         if out_of_view(scene.geom_spheres, g, rows, view.lens):
             continue
         first, last = scene.geom_vertices[g], scene.geom_vertices[g + 1]
-        place_vertices(scene.vertices[first:last], rows, view.lens, camera[first:last], projected[first:last])
+        box, farthest, nearest = place_vertices(
+            scene.vertices[first:last], rows, view.lens, camera[first:last], projected[first:last]
+        )
+        if nearest == 0.0:
+            continue
         count = list_front_faces(scene, g, positions[pose], rotations[pose], view.position, candidates)
+        if count > 0:
+            fill_box(backdrop, box if farthest > 0.0 else whole, inverse_depth, triangle, drawn)
         for i in range(count):
             t = candidates[i]
             face = (scene.faces[t, 0], scene.faces[t, 1], scene.faces[t, 2])
@@ -143,20 +132,40 @@ def out_of_view(spheres: Array, g: int, rows: tuple[Row, Row, Row], lens: Array)
 @kernel
 def place_vertices(
     vertices: Array, rows: tuple[Row, Row, Row], lens: Array, camera: Array, projected: Array
-) -> None:
+) -> tuple[Box, float, float]:
     """Body-frame vertices to right, up, depth (camera) and to screen x, y, inverse depth (projected).
 
     An inverse depth of 0 marks a vertex before the near plane.
+
+    Returns:
+        The box on the screen that holds all vertices, and their least and greatest inverse depth.
     """
     focal, centre_x, centre_y, near = lens[0], lens[1], lens[2], lens[3]
+    left, right_most, top, bottom = np.inf, -np.inf, np.inf, -np.inf
+    farthest, nearest = np.inf, 0.0
     for i in range(vertices.shape[0]):
         x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
         right, up, depth = mapped(rows[0], x, y, z), mapped(rows[1], x, y, z), mapped(rows[2], x, y, z)
         w = 1.0 / depth if depth >= near else 0.0
         camera[i, 0], camera[i, 1], camera[i, 2] = right, up, depth
-        projected[i, 0] = centre_x + focal * w * right
-        projected[i, 1] = centre_y - focal * w * up
-        projected[i, 2] = w
+        column, row = centre_x + focal * w * right, centre_y - focal * w * up
+        projected[i, 0], projected[i, 1], projected[i, 2] = column, row, w
+        left, right_most = lesser(column, left), greater(column, right_most)
+        top, bottom = lesser(row, top), greater(row, bottom)
+        farthest, nearest = lesser(w, farthest), greater(w, nearest)
+    return (left, right_most, top, bottom), farthest, nearest
+
+
+@kernel
+def lesser(value: float, bound: float) -> float:
+    """The lesser of both; the bound where the value is no number."""
+    return value if value < bound else bound
+
+
+@kernel
+def greater(value: float, bound: float) -> float:
+    """The greater of both; the bound where the value is no number."""
+    return value if value > bound else bound
 
 
 @kernel

@@ -1,37 +1,21 @@
-"""Kernel that draws views, one after the other, without the interpreter; its inputs and its scratch."""
+"""Kernels that draw views without the interpreter, and their inputs."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from artiskill.geometry.kernel import Array, kernel
+from artiskill.sensors.backdrop import Backdrop, fill_rest, find_backdrop
 from artiskill.sensors.lighting import Lights, View
-from artiskill.sensors.rasterise import draw_geoms, fill_background
-from artiskill.sensors.resolve import Channels, resolve_depth, resolve_geometry
+from artiskill.sensors.paint import paint_rows, paint_textures
+from artiskill.sensors.point_lights import light_floor
+from artiskill.sensors.rasterise import draw_geoms
+from artiskill.sensors.resolve import Channels, resolve_depth, resolve_ids, resolve_position
+from artiskill.sensors.row_fill import copy
+from artiskill.sensors.runs import UNSEEN, list_runs
 from artiskill.sensors.scene_tables import SceneTables
-from artiskill.sensors.shade_fast import ShadeScratch, allocate_shade_scratch, shade_fast
-
-
-class Scratch(NamedTuple):
-    """What drawing one view needs besides its inputs; one per thread.
-
-    Attributes:
-        camera: (V, 3) float64 vertices as right, up, depth in the camera's frame.
-        projected: (V, 3) float64 vertices as screen x, y and inverse depth.
-        candidates: (F,) int32 faces to draw.
-        inverse_depth: (H, W) float32.
-        triangle: (H, W) int32.
-        depth: (1, H, W) float32 metres, for when depth is not asked for.
-        shade: of the shader.
-    """
-
-    camera: Array
-    projected: Array
-    candidates: Array
-    inverse_depth: Array
-    triangle: Array
-    depth: Array
-    shade: ShadeScratch
+from artiskill.sensors.scratch import BAND_ROWS, Drawing, Scratch, drawing_of
+from artiskill.sensors.shade_fast import set_up_faces
 
 
 class Poses(NamedTuple):
@@ -47,20 +31,6 @@ class Views(NamedTuple):
     positions: Array
     rotations: Array
     lenses: Array
-
-
-def allocate_scratch(scene: SceneTables, height: int, width: int) -> Scratch:
-    """Scratch for views of so many pixels."""
-    vertices, faces = scene.vertices.shape, len(scene.faces)
-    return Scratch(
-        np.zeros(vertices),
-        np.zeros(vertices),
-        np.empty(faces + 1, dtype=np.int32),  # one more: the last entry is written before it is counted
-        np.empty((height, width), dtype=np.float32),
-        np.empty((height, width), dtype=np.int32),
-        np.empty((1, height, width), dtype=np.float32),
-        allocate_shade_scratch(faces, len(scene.point_vertex), height * width),
-    )
 
 
 @kernel
@@ -87,44 +57,151 @@ def render_views(
         poses: of all environments.
         views: the cameras.
         light: lights and the display table.
-        plain: (2, W, 3) uint8 a row of background and a row of floor.
+        plain: (2, 3) uint8 colours of background and floor.
         has_floor: whether the ground is drawn.
-        scratch: of this thread.
+        scratch: of this thread, for one view.
         out: the channels to write, K images each or none.
     """
-    buffers = (scratch.inverse_depth, scratch.triangle)
+    drawing = drawing_of(scratch.drawings, 0)
     for k in range(first, last):
         view = View(views.positions[k], views.rotations[k], views.lenses[k])
         positions, rotations = poses.positions[k // cameras], poses.rotations[k // cameras]
-        fill_background(view.position, view.rotation, view.lens, has_floor, buffers[0], buffers[1])
-        draw_geoms(
-            scene,
-            positions,
-            rotations,
-            view,
-            scratch.camera,
-            scratch.projected,
-            scratch.candidates,
-            buffers[0],
-            buffers[1],
-        )
-        depth = out.depth[k] if out.depth.size > 0 else scratch.depth[0]
-        if out.depth.size > 0 or out.position_w.size > 0 or out.rgb.size > 0:
-            resolve_depth(buffers[0], buffers[1], depth)
-        resolve_geometry(k, scene, view, depth, buffers[1], out)
+        backdrop = draw_view(scene, positions, rotations, view, has_floor, drawing, scratch)
         if out.rgb.size > 0:
-            shade_fast(
-                scene,
-                rotations,
-                view,
-                light,
-                plain,
-                scratch.camera,
-                depth,
-                buffers[1],
-                scratch.shade,
-                out.rgb[k],
+            count = list_runs(
+                drawing.triangle,
+                drawing.drawn,
+                drawing.face_state,
+                drawing.seen,
+                drawing.runs,
+                drawing.row_runs,
             )
+            set_up_faces(count, scene, rotations, view, light, drawing, scratch.lit)
+            band, depth = scratch.rgb[0], scratch.depth[0]
+            for top in range(0, out.rgb.shape[1], BAND_ROWS):
+                rows = min(BAND_ROWS, out.rgb.shape[1] - top)
+                colour_rows(top, rows, scene, view, light, plain, backdrop, drawing, scratch.textured, depth, band)
+                copy(band[: rows * out.rgb.shape[2]].reshape(-1), out.rgb[k, top:].reshape(-1))
+            forget_faces(count, drawing)
+        resolve_geometry(k, scene, view, backdrop, drawing, out)
+
+
+@kernel
+def draw_view(
+    scene: SceneTables,
+    positions: Array,
+    rotations: Array,
+    view: View,
+    has_floor: bool,
+    drawing: Drawing,
+    scratch: Scratch,
+) -> Backdrop:
+    """Draw all visuals into the buffers of a view, which hold values only where something may be drawn."""
+    backdrop = find_backdrop(view, has_floor, drawing.triangle.shape[1], drawing.floor)
+    drawing.drawn[...] = 0
+    draw_geoms(
+        scene,
+        positions,
+        rotations,
+        view,
+        backdrop,
+        drawing.camera,
+        scratch.projected,
+        scratch.candidates,
+        drawing.inverse_depth,
+        drawing.triangle,
+        drawing.drawn,
+    )
+    return backdrop
+
+
+@kernel
+def colour_rows(
+    top: int,
+    rows: int,
+    scene: SceneTables,
+    view: View,
+    light: Lights,
+    plain: Array,
+    backdrop: Backdrop,
+    drawing: Drawing,
+    textured: Array,
+    depth: Array,
+    rgb: Array,
+) -> None:
+    """Depths and colours of some rows of a view whose faces are set up.
+
+    Args:
+        top: the first row.
+        rows: how many.
+        scene: what is drawn.
+        view: the camera.
+        light: lights and the display table.
+        plain: (2, 3) uint8 colours of background and floor.
+        backdrop: of the view.
+        drawing: of the view.
+        textured: see `Scratch`, as the next two.
+        depth: (BAND_ROWS * W + LANES,) written.
+        rgb: (BAND_ROWS * W + LANES, 3) written.
+    """
+    triangle, state, planes = drawing.triangle, drawing.face_state, drawing.face_planes
+    width = triangle.shape[1]
+    resolve_depth(
+        top, backdrop, drawing.drawn, drawing.inverse_depth, triangle, depth[: rows * width].reshape(rows, width)
+    )
+    left = paint_rows(
+        top,
+        rows,
+        view.lens,
+        plain,
+        backdrop.floor,
+        drawing.runs,
+        drawing.row_runs,
+        depth,
+        triangle,
+        state,
+        planes,
+        textured,
+        rgb,
+    )
+    if left > 0:
+        looks = scene.face_geom, scene.textures, scene.texels
+        paint_textures(top, view.lens, drawing.runs, textured[:left], depth, triangle, state, planes, *looks, rgb)
+    if light.lamps.shape[0] > 0:
+        fill_rest(backdrop, drawing.inverse_depth, triangle, drawing.drawn)
+        light_floor(top, view, light, triangle[top : top + rows], rgb[: rows * width].reshape(rows, width, 3))
+
+
+@kernel
+def forget_faces(count: int, drawing: Drawing) -> None:
+    """Make the first `count` seen faces `UNSEEN` again."""
+    state, seen = drawing.face_state, drawing.seen
+    for i in range(count):
+        state[seen[i]] = UNSEEN
+
+
+@kernel
+def resolve_geometry(
+    k: int, scene: SceneTables, view: View, backdrop: Backdrop, drawing: Drawing, out: Channels
+) -> None:
+    """Write depth, positions and ids of view k, those that were asked for."""
+    inverse_depth, triangle, drawn = drawing.inverse_depth, drawing.triangle, drawing.drawn
+    if out.depth.size > 0:
+        resolve_depth(0, backdrop, drawn, inverse_depth, triangle, out.depth[k])
+    if out.position_w.size > 0:
+        if out.depth.size > 0:
+            resolve_position(out.depth[k], view, out.position_w[k])
+        else:
+            depth = np.empty(triangle.shape, dtype=np.float32)
+            resolve_depth(0, backdrop, drawn, inverse_depth, triangle, depth)
+            resolve_position(depth, view, out.position_w[k])
+    if out.geom.size > 0:
+        table = np.arange(scene.geom_body.shape[0]).astype(np.int32)
+        resolve_ids(backdrop, drawn, triangle, scene.face_geom, table, out.geom[k])
+    if out.body.size > 0:
+        resolve_ids(backdrop, drawn, triangle, scene.face_geom, scene.geom_body_id, out.body[k])
+    if out.part.size > 0:
+        resolve_ids(backdrop, drawn, triangle, scene.face_geom, scene.geom_part, out.part[k])
 
 
 @kernel

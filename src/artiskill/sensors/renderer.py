@@ -1,7 +1,6 @@
 """`Renderer`: a scene's surfaces, poses of its bodies and cameras to images."""
 
 import math
-import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -9,25 +8,27 @@ from typing import Any
 import numpy as np
 
 from artiskill.errors import ConfigError, StateError
+from artiskill.sensors.backdrop import fill_rest
 from artiskill.sensors.camera import Camera
 from artiskill.sensors.camera_batch import CameraBatch, common_resolution, views_of
 from artiskill.sensors.compilation import announce_compilation
 from artiskill.sensors.images import CHANNELS, Images, allocate_images, as_kernel_channels, check_channels
 from artiskill.sensors.lighting import View, encoded, irradiance, lights, surfaces, tone_mapped
 from artiskill.sensors.orthographic import transform_vertices
-from artiskill.sensors.rasterise import draw_geoms, fill_background
 from artiskill.sensors.render_config import RenderConfig
-from artiskill.sensors.render_views import Poses, Scratch, Views, allocate_scratch, pose_matrices, render_views
+from artiskill.sensors.render_views import Poses, Views, draw_view, pose_matrices, render_views
 from artiskill.sensors.resolve import Channels
 from artiskill.sensors.scene_tables import build_scene_tables
+from artiskill.sensors.scratch import drawing_of, thread_scratch
 from artiskill.sensors.shade_picture import PictureShader
+from artiskill.sensors.sight import Sight
 from artiskill.sensors.triangle_soup import BodyVisual, build_triangle_soup
 
 __all__ = ("CHANNELS", "Images", "Renderer")
 
 
 class Renderer:
-    """Draws one scene in any state. It keeps buffers, its own for each thread that calls."""
+    """Draws one scene in any state."""
 
     def __init__(self, visuals: Sequence[BodyVisual], config: RenderConfig) -> None:
         """Build what does not depend on the state.
@@ -44,8 +45,6 @@ class Renderer:
         self._tables = build_scene_tables(self.soup)
         self._lights = lights(config)
         self._plain_colours = self._display_plain_colours()
-        self._plain: dict[int, np.ndarray] = {}
-        self._scratch: dict[tuple[int, int, int], list[Scratch]] = {}  # by calling thread and resolution
         self._pool: ThreadPoolExecutor | None = None
         self._pool_size = 0
         self._picture: PictureShader | None = None
@@ -83,14 +82,7 @@ class Renderer:
         """
         check_channels(channels)
         resolution = common_resolution(cameras)
-        positions_w = np.asarray(body_positions_w, dtype=np.float64)
-        quaternions_w = np.asarray(body_quaternions_w, dtype=np.float64)
-        count = len(positions_w) if positions_w.ndim else 0
-        if positions_w.shape != (count, 3) or quaternions_w.shape != (count, 4):
-            raise StateError(
-                f"poses must have shapes (N, 3) and (N, 4), not {positions_w.shape} and {quaternions_w.shape}"
-            )
-        poses = self._poses(positions_w[None], quaternions_w[None])
+        poses = self._poses_of_one(body_positions_w, body_quaternions_w)
         images = allocate_images(channels, (len(cameras), *resolution), out)
         self._draw(poses, views_of(cameras), len(cameras), images, resolution, threads)
         return images
@@ -137,6 +129,25 @@ class Renderer:
         self._draw(self._poses(positions_w, quaternions_w), views, per_set, images, resolution, threads)
         return images
 
+    def sight(
+        self, body_positions_w: Any, body_quaternions_w: Any, views: Views, resolution: tuple[int, int]
+    ) -> Sight:
+        """What cameras see of the scene in one state, at `fast` quality, for whoever needs only part of it.
+
+        Args:
+            body_positions_w: (N, 3) metres.
+            body_quaternions_w: (N, 4) wxyz, unit.
+            views: C cameras.
+            resolution: height and width of their images.
+
+        Raises:
+            StateError: as in `render`.
+        """
+        scratch = thread_scratch(self._tables, len(views.positions), *resolution)
+        poses = self._poses_of_one(body_positions_w, body_quaternions_w)
+        looks = self._lights, self._plain_colours, self.config.floor.enabled
+        return Sight(self._tables, poses, views, *looks, scratch)
+
     def _draw(
         self, poses: Poses, views: Views, cameras: int, images: Images, resolution: tuple[int, int], threads: int
     ) -> None:
@@ -157,21 +168,21 @@ class Renderer:
         self, poses: Poses, views: Views, cameras: int, out: Channels, resolution: tuple[int, int], threads: int
     ) -> None:
         count = len(views.positions)
-        has_floor, plain = self.config.floor.enabled, self._plain_rows(resolution[1])
+        has_floor, plain = self.config.floor.enabled, self._plain_colours
         # whole environments, as long as that keeps all threads busy
         chunk = count if threads == 1 else cameras if count >= 2 * threads * cameras else 1
         pending: Iterator[int] = iter(range(0, count, chunk))  # each thread takes the next when it is done
 
-        def work(scratch: Scratch) -> None:
+        def work() -> None:
+            scratch = thread_scratch(self._tables, 1, *resolution)
             for first in pending:
                 last = min(first + chunk, count)
                 render_views(
                     first, last, cameras, self._tables, poses, views, self._lights, plain, has_floor, scratch, out
                 )
 
-        own, *others = self._scratches(resolution, threads)
-        futures = [self._workers(threads).submit(work, scratch) for scratch in others]
-        work(own)
+        futures = [self._workers(threads).submit(work) for _ in range(threads - 1)]
+        work()
         for future in futures:
             future.result()
 
@@ -180,9 +191,9 @@ class Renderer:
     ) -> None:
         samples = self.config.samples_per_axis
         height, width = rgb.shape[1] * samples, rgb.shape[2] * samples
-        scratch = self._scratches((height, width), 1)[0]
+        scratch = thread_scratch(self._tables, 1, height, width)
+        drawing = drawing_of(scratch.drawings, 0)
         world = np.empty_like(self.soup.vertices)
-        buffers = scratch.inverse_depth, scratch.triangle
         for k in range(len(rgb)):
             env = k // cameras
             positions, rotations = poses.positions[env], poses.rotations[env]
@@ -191,10 +202,21 @@ class Renderer:
                 picture.draw_shadow_maps(world)
             lens = views.lenses[k] * np.array([samples, samples, samples, 1.0, 1.0])
             view = View(views.positions[k], views.rotations[k], lens)
-            fill_background(*view, self.config.floor.enabled, *buffers)
-            geometry = scratch.camera, scratch.projected, scratch.candidates
-            draw_geoms(self._tables, positions, rotations, view, *geometry, *buffers)
-            picture.shade(surfaces(self.soup, world, rotations), view, samples, scratch.triangle, rgb[k])
+            pose = positions, rotations
+            backdrop = draw_view(self._tables, *pose, view, self.config.floor.enabled, drawing, scratch)
+            fill_rest(backdrop, drawing.inverse_depth, drawing.triangle, drawing.drawn)
+            picture.shade(surfaces(self.soup, world, rotations), view, samples, drawing.triangle, rgb[k])
+
+    def _poses_of_one(self, body_positions_w: Any, body_quaternions_w: Any) -> Poses:
+        """Checked poses of one state, (N, 3) and (N, 4)."""
+        positions_w = np.asarray(body_positions_w, dtype=np.float64)
+        quaternions_w = np.asarray(body_quaternions_w, dtype=np.float64)
+        count = len(positions_w) if positions_w.ndim else 0
+        if positions_w.shape != (count, 3) or quaternions_w.shape != (count, 4):
+            raise StateError(
+                f"poses must have shapes (N, 3) and (N, 4), not {positions_w.shape} and {quaternions_w.shape}"
+            )
+        return self._poses(positions_w[None], quaternions_w[None])
 
     def _poses(self, positions_w: np.ndarray, quaternions_w: np.ndarray) -> Poses:
         """Checked poses (B, N, 3) and (B, N, 4) of the world and all bodies."""
@@ -210,23 +232,11 @@ class Renderer:
             raise StateError(f"the pose of body {bad % count} is not finite{where}")
         return poses
 
-    def _scratches(self, resolution: tuple[int, int], count: int) -> list[Scratch]:
-        known = self._scratch.setdefault((threading.get_ident(), *resolution), [])
-        while len(known) < count:
-            known.append(allocate_scratch(self._tables, *resolution))
-        return known[:count]
-
     def _workers(self, threads: int) -> ThreadPoolExecutor:
         if self._pool is None or self._pool_size < threads - 1:
             self._pool_size = threads - 1
             self._pool = ThreadPoolExecutor(self._pool_size, thread_name_prefix="artiskill-render")
         return self._pool
-
-    def _plain_rows(self, width: int) -> np.ndarray:
-        """(2, W, 3) uint8 a row of background and a row of floor."""
-        if width not in self._plain:
-            self._plain[width] = np.ascontiguousarray(np.repeat(self._plain_colours[:, None], width, axis=1))
-        return self._plain[width]
 
     def _display_plain_colours(self) -> np.ndarray:
         """(2, 3) uint8 display colours of background and floor where they are not shaded per pixel."""

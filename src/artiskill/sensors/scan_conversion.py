@@ -149,7 +149,9 @@ def slope(upper: Pixel, lower: Pixel) -> float:
 
 @kernel
 def clamp_index(value: float, low: int, high: int) -> int:
-    """A float to an integer in [low, high]: compared as a float, since out of range, or NaN, it has no integer."""
-    if not value > low:
-        return low
-    return high if value >= high else int(value)
+    """A float to an integer in [low, high]: compared as a float, since out of range, or NaN, it has no integer.
+
+    Choices between numbers instead of jumps, as in `downwards`.
+    """
+    bounded = value if value > low else np.float64(low)
+    return int(bounded if bounded < high else np.float64(high))

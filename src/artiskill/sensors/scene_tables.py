@@ -30,10 +30,10 @@ class SceneTables(NamedTuple):
         geom_body: (G,) int32, -1 where fixed to the world.
         geom_body_id: (G,) int32 the same as it stands in images: -2 where fixed to the world.
         geom_part: (G,) int32 index into the soup's `part_names`.
-        corner_points: (F, 3) int32 lit point of each corner.
+        face_rows: (F, 8) int32 what shading asks of a face, side by side in memory: its vertices, the lit points
+            of its corners, its visual, and 1 if the corners have one normal, else 0.
         point_vertex: (S,) int32 its vertex.
         point_normals: (S, 3) float32 its unit normal.
-        flat: (F,) bool whether the three corners have one normal.
         corner_uvs: (F, 3, 2) float32.
         materials: (G, 4) float64, as in `TriangleSoup`.
         textures: (G, M, 3) int64, as in `TriangleSoup`.
@@ -51,10 +51,9 @@ class SceneTables(NamedTuple):
     geom_body: Array
     geom_body_id: Array
     geom_part: Array
-    corner_points: Array
+    face_rows: Array
     point_vertex: Array
     point_normals: Array
-    flat: Array
     corner_uvs: Array
     materials: Array
     textures: Array
@@ -65,6 +64,8 @@ def build_scene_tables(soup: TriangleSoup) -> SceneTables:
     """Lay out a soup, once per scene."""
     corner_points, point_vertex, point_normals = _lit_points(soup)
     normals = soup.corner_normals
+    flat = (normals == normals[:, :1]).all(axis=(1, 2))
+    face_rows = np.column_stack((soup.faces, corner_points, soup.face_geom, flat))
     return SceneTables(
         vertices=soup.vertices,
         faces=soup.faces,
@@ -78,10 +79,9 @@ def build_scene_tables(soup: TriangleSoup) -> SceneTables:
         # a world-fixed visual's id must differ from "nothing", which is -1 too
         geom_body_id=np.where(soup.geom_body < 0, -2, soup.geom_body).astype(np.int32),
         geom_part=soup.geom_part,
-        corner_points=corner_points,
+        face_rows=np.ascontiguousarray(face_rows, dtype=np.int32),
         point_vertex=point_vertex,
         point_normals=point_normals,
-        flat=np.ascontiguousarray((normals == normals[:, :1]).all(axis=(1, 2))),
         corner_uvs=soup.corner_uvs,
         materials=soup.materials,
         textures=soup.textures,

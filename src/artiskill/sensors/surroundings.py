@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from artiskill.geometry.kernel import Array, Point, kernel
+from artiskill.sensors.backdrop import FLOOR
 from artiskill.sensors.lighting import dot3
-from artiskill.sensors.rasterise import FLOOR
 from artiskill.sensors.surface_attributes import view_ray
 
 # the background reaches the zenith's colour at 1 / 1.4 = 0.71: 45 degrees up

@@ -1,0 +1,165 @@
+"""What drawing needs besides its inputs: each thread has its own for all scenes, which stays in near memory."""
+
+import threading
+from typing import NamedTuple
+
+import numpy as np
+
+from artiskill.geometry.kernel import Array, kernel
+from artiskill.sensors.lanes import LANES
+from artiskill.sensors.scene_tables import SceneTables
+
+# rows of all views that are finished together; few enough for their colours and depths to stay in near memory
+BAND_ROWS = 16
+_ALIGNMENT = 64
+
+
+class Drawing(NamedTuple):
+    """What is known of a view while it is drawn; in `Scratch`, of C views, with a leading dimension more.
+
+    Attributes:
+        inverse_depth: (H, W) float32, where something was drawn.
+        triangle: (H, W) int32, likewise.
+        drawn: (H, 2) int64 columns of each row where the two have values, from the first to before the second.
+        floor: (H, 2) int64, see `Backdrop`.
+        camera: (V, 3) float64 vertices as right, up, depth in the camera's frame.
+        face_state: (F,) uint8, see `paint`; all `UNSEEN` between views.
+        face_planes: (F, 5, 3) float32 red, green, blue, u, v: see `set_up_faces`.
+        seen: (F,) int32 the faces that are seen.
+        runs: (H * W, 2) int32, see `list_runs`, as the next one.
+        row_runs: (H + 1,) int32.
+    """
+
+    inverse_depth: Array
+    triangle: Array
+    drawn: Array
+    floor: Array
+    camera: Array
+    face_state: Array
+    face_planes: Array
+    seen: Array
+    runs: Array
+    row_runs: Array
+
+
+class LitPoints(NamedTuple):
+    """Colours of a view's lit points (S of them), each computed once.
+
+    Attributes:
+        point_view: (2, S) int64 the view for which a lit point's colour is known, for its front and its back.
+        point_colours: (2, S, 3) float32 display colours [0, 255].
+        views: (1,) int64 how many views were drawn.
+    """
+
+    point_view: Array
+    point_colours: Array
+    views: Array
+
+
+class Scratch(NamedTuple):
+    """Of one thread, for up to C views of a resolution.
+
+    Attributes:
+        drawings: of each view.
+        lit: of the view that is set up.
+        projected: (V, 3) float64 vertices as screen x, y and inverse depth.
+        candidates: (F + 1,) int32 faces to draw.
+        backdrops: (C, 4) float64 numbers of each view's `Backdrop`.
+        faces: (C,) int64 how many faces are seen.
+        textured: (H * W,) int32 runs that show textured faces.
+        depth: (C, BAND_ROWS * W + LANES) float32 metres of some rows.
+        rgb: (C, BAND_ROWS * W + LANES, 3) uint8 colours of these.
+    """
+
+    drawings: Drawing
+    lit: LitPoints
+    projected: Array
+    candidates: Array
+    backdrops: Array
+    faces: Array
+    textured: Array
+    depth: Array
+    rgb: Array
+
+
+_kept = threading.local()
+
+
+def thread_scratch(scene: SceneTables, views: int, height: int, width: int) -> Scratch:
+    """The calling thread's scratch for so many views of a scene; it grows with the scenes."""
+    known: dict[tuple[int, int, int], Scratch] = _kept.__dict__.setdefault("scratches", {})
+    scratch = known.get((views, height, width))
+    if scratch is None or not _fits(scratch, scene):
+        room = (0, 0, 0) if scratch is None else _room(scratch)
+        sizes = map(max, _sizes(scene), room)
+        known[views, height, width] = scratch = _allocate(views, height, width, *sizes)
+    return scratch
+
+
+def _sizes(scene: SceneTables) -> tuple[int, int, int]:
+    return len(scene.vertices), len(scene.faces), len(scene.point_vertex)
+
+
+def _room(scratch: Scratch) -> tuple[int, int, int]:
+    return len(scratch.projected), len(scratch.candidates) - 1, scratch.lit.point_view.shape[1]
+
+
+def _fits(scratch: Scratch, scene: SceneTables) -> bool:
+    return all(size <= room for size, room in zip(_sizes(scene), _room(scratch), strict=True))
+
+
+def _allocate(views: int, height: int, width: int, vertices: int, faces: int, points: int) -> Scratch:
+    """Memory that is never touched is never used."""
+    pixels = height * width
+    band = BAND_ROWS * width + LANES  # vectors of lanes may begin with the last pixel
+    return Scratch(
+        Drawing(
+            _aligned((views, height, width), np.float32),
+            _aligned((views, height, width), np.int32),
+            np.zeros((views, height, 2), dtype=np.int64),
+            np.zeros((views, height, 2), dtype=np.int64),
+            np.zeros((views, vertices, 3)),
+            np.zeros((views, faces), dtype=np.uint8),
+            np.empty((views, faces, 5, 3), dtype=np.float32),
+            np.empty((views, faces), dtype=np.int32),
+            np.empty((views, pixels, 2), dtype=np.int32),
+            np.empty((views, height + 1), dtype=np.int32),
+        ),
+        LitPoints(
+            np.zeros((2, points), dtype=np.int64),
+            np.empty((2, points, 3), dtype=np.float32),
+            np.zeros(1, dtype=np.int64),
+        ),
+        np.zeros((vertices, 3)),
+        np.empty(faces + 1, dtype=np.int32),  # one more: the last entry is written before it is counted
+        np.empty((views, 4)),
+        np.zeros(views, dtype=np.int64),
+        np.empty(pixels, dtype=np.int32),
+        np.zeros((views, band), dtype=np.float32),
+        np.empty((views, band, 3), dtype=np.uint8),
+    )
+
+
+def _aligned(shape: tuple[int, ...], kind: type[np.generic]) -> np.ndarray:
+    """An array that begins with a line of the processor's cache."""
+    size = int(np.prod(shape)) * np.dtype(kind).itemsize
+    memory = np.empty(size + _ALIGNMENT, dtype=np.uint8)
+    start = -memory.ctypes.data % _ALIGNMENT
+    return memory[start : start + size].view(kind).reshape(shape)
+
+
+@kernel
+def drawing_of(drawings: Drawing, view: int) -> Drawing:
+    """One view's part."""
+    return Drawing(
+        drawings.inverse_depth[view],
+        drawings.triangle[view],
+        drawings.drawn[view],
+        drawings.floor[view],
+        drawings.camera[view],
+        drawings.face_state[view],
+        drawings.face_planes[view],
+        drawings.seen[view],
+        drawings.runs[view],
+        drawings.row_runs[view],
+    )
