@@ -10,7 +10,7 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError
 from artiskill.experts import door_opening
 from artiskill.experts.door import Door, door_of
-from artiskill.experts.frames import Frame, axis_rotation
+from artiskill.experts.frames import Frame, axis_rotation, rotation_error
 from artiskill.experts.grip import Phase
 from artiskill.experts.open_cabinet import OpenCabinetExpertConfig
 
@@ -134,3 +134,56 @@ def test_a_pulling_hand_follows_the_turn_but_for_what_its_grip_can_pivot() -> No
 def test_illegal_values_are_refused() -> None:
     with pytest.raises(ConfigError, match="push_speed_m_s"):
         dataclasses.replace(CONFIG, push_speed_m_s=0.0)
+
+
+def test_a_hand_comes_in_only_when_it_is_turned() -> None:
+    _, door = door_at("link_0", 0.6)
+    hand = hand_at(door, door.edge_m + CONFIG.clearance_m, door.inner_m - CONFIG.behind_m)
+    turned = door_opening.around(door, hand, hand.rotation, CONFIG)
+    broad = Frame(hand.position, hand.rotation @ axis_rotation(np.array((0.0, 0, 1)), np.pi / 2))
+    waiting = door_opening.around(door, broad, hand.rotation, CONFIG)
+    assert door.coordinates(turned.wanted.position)[0] < door.edge_m
+    assert door.coordinates(waiting.wanted.position)[0] > door.edge_m
+    np.testing.assert_allclose(waiting.wanted.rotation, hand.rotation)
+
+
+def test_a_hand_that_pressed_the_door_shut_comes_out_again() -> None:
+    """It goes sideways first, then forward, and from there begins anew."""
+    _, door = door_at("link_0", CONFIG.ajar_rad / 3)
+    tool, phase = hand_at(door, door.edge_m, door.inner_m - 0.04), Phase.AROUND
+    for _ in range(200):
+        motion = door_opening.around(door, tool, tool.rotation, CONFIG)
+        step = motion.wanted.position - tool.position
+        tool = Frame(tool.position + step * min(1.0, 0.02 / max(np.linalg.norm(step), 1e-9)), tool.rotation)
+        along, outward = door.coordinates(tool.position)
+        assert outward < door.inner_m or along > door.edge_m + 0.03, "not through the door"
+        phase = door_opening.next_phase(phase, 0, door, tool, CONFIG)
+        if phase is not Phase.AROUND:
+            break
+    assert phase is Phase.APPROACH
+
+
+def test_no_way_in_is_not_tried_for_ever() -> None:
+    _, door = door_at("link_0", 0.6)
+    beside = hand_at(door, door.edge_m + 0.04, door.inner_m - 0.03)
+    assert door_opening.next_phase(Phase.AROUND, CONFIG.around_steps, door, beside, CONFIG) is Phase.AROUND
+    assert door_opening.next_phase(Phase.AROUND, CONFIG.around_steps + 1, door, beside, CONFIG) is Phase.APPROACH
+
+
+def test_a_door_that_is_gripped_ajar_pivots_from_there_on() -> None:
+    _, door = door_at("link_1", 0.5)
+    grasp = hand_at(door, 0.28, door.grasp_m)
+    turns = []
+    for gripped in (0.0, 0.3, 0.5):
+        tool = Frame(grasp.position, axis_rotation(door.axis, -(1 - CONFIG.follow) * 0.5) @ grasp.rotation)
+        wanted = door_opening.pull(door, 1.0, grasp, tool, CONFIG, gripped).wanted.rotation
+        turns.append(float(np.linalg.norm(rotation_error(wanted, grasp.rotation))))
+    np.testing.assert_allclose(turns, (1 - CONFIG.follow) * (0.5 - np.array((0.0, 0.3, 0.5))), atol=1e-6)
+
+
+def test_a_hand_that_slipped_off_the_edge_goes_around_again() -> None:
+    _, door = door_at("link_0", 1.0)
+    inside = hand_at(door, door.edge_m - CONFIG.overlap_m, door.inner_m - 0.01)
+    outside = hand_at(door, door.edge_m - CONFIG.overlap_m, door.outer_m)
+    assert door_opening.next_phase(Phase.PUSH, 1, door, inside, CONFIG) is Phase.PUSH
+    assert door_opening.next_phase(Phase.PUSH, 1, door, outside, CONFIG) is Phase.AROUND

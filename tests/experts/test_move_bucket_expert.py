@@ -6,12 +6,20 @@ import numpy as np
 import pytest
 
 from artiskill.assets.catalog import load_object
+from artiskill.config import CONFIG_DIR, load_config
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.experts.move_bucket import MoveBucketExpert, Phase
+from artiskill.experts.move_bucket_config import MoveBucketExpertConfig
 from artiskill.experts.move_bucket_press import choose_press
 from artiskill.experts.two_arms import TwoArmController
+from artiskill.experts.variation import load_variation, varied
 from artiskill.experts.whole_body import WholeBodyConfig
 from artiskill.tasks.move_bucket.goal import make_bucket_goal
+
+
+@pytest.fixture
+def config() -> MoveBucketExpertConfig:
+    return load_config(MoveBucketExpertConfig, CONFIG_DIR / "experts" / "move_bucket.yaml")
 
 
 @pytest.fixture
@@ -77,6 +85,33 @@ def test_a_square_bucket_is_pressed_on_its_flats_away_from_the_platform() -> Non
         assert robot_side @ bucket > -0.1, "the robot keeps the bucket between itself and the platform"
 
 
+def test_a_bias_leads_the_press_around_the_bucket(env: ManipulationEnv, config: MoveBucketExpertConfig) -> None:
+    directions = []
+    for bias in (-0.6, 0.0, 0.6):
+        press = dataclasses.replace(config.press, side_bias_rad=bias)
+        directions.append(choose_press(env.snapshot, env.goal, press).direction_rad)
+    turns = np.angle(np.exp(1j * np.diff(directions)))
+    assert (turns >= 0).all(), "counter-clockwise, as far as the bail and its shape allow"
+    assert turns.sum() > 0.5
+
+
+def test_the_share_decides_how_high_it_presses(env: ManipulationEnv, config: MoveBucketExpertConfig) -> None:
+    def height(share: float) -> float:
+        press = dataclasses.replace(config.press, share=share, height_weight=50.0)
+        return choose_press(env.snapshot, env.goal, press).height_m
+
+    heights = env.goal.outline_height[0]
+    assert height(0.4) == heights[1]
+    assert height(0.6) == heights[3]
+
+
+def test_every_draw_of_its_variation_is_legal(config: MoveBucketExpertConfig) -> None:
+    ranges = load_variation("MoveBucket").ranges
+    drawn = [varied(config, ranges, np.random.default_rng(seed)) for seed in range(100)]
+    assert len({one.press.side_bias_rad for one in drawn}) == len(drawn)
+    assert all(0.3 <= one.press.share <= 0.7 for one in drawn), "outlines are known there"
+
+
 def test_pushing_velocities_leave_the_trunk_alone(env: ManipulationEnv) -> None:
     controller = TwoArmController(env.task.robot, WholeBodyConfig())
     forces = np.array(((0.0, 30.0, 0.0), (0.0, -30.0, 0.0)))
@@ -120,3 +155,44 @@ def test_the_same_episode_gives_the_same_actions(env: ManipulationEnv) -> None:
         return np.array(taken)
 
     np.testing.assert_array_equal(actions(), actions())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_it_carries_in_a_curve_and_holds_aside(
+    env: ManipulationEnv, config: MoveBucketExpertConfig, sign: float
+) -> None:
+    changed = dataclasses.replace(config, curve_rad_m=0.5 * sign, aside_m=0.1 * sign)
+    expert = MoveBucketExpert(env.task.robot, changed)
+    expert.reset(env.snapshot, env.goal)
+    start = env.snapshot.link_position_w[0, 0, :2]
+    done = False
+    while not done:
+        _, _, terminated, truncated, info = env.step(expert.act(env.snapshot, env.goal))
+        done = terminated or truncated
+    assert info["success"]
+    position = env.snapshot.link_position_w[0, 0]
+    heading = np.array((np.cos(env.snapshot.robot_qpos[0, 2]), np.sin(env.snapshot.robot_qpos[0, 2])))
+    left = np.array((-heading[1], heading[0]))
+    assert sign * (position[:2] @ left) > 0.03
+    assert np.linalg.norm(position[:2]) < np.linalg.norm(start)
+
+
+@pytest.mark.slow
+def test_hands_level_a_bucket_that_has_tilted(env: ManipulationEnv, config: MoveBucketExpertConfig) -> None:
+    """The base is made to jerk just after the lift."""
+
+    def tilt_at_end(level_gain_s: float) -> float:
+        env.reset(options={"level": 7, "object": "bucket-0031"})
+        expert = MoveBucketExpert(env.task.robot, dataclasses.replace(config, level_gain_s=level_gain_s))
+        expert.reset(env.snapshot, env.goal)
+        carried = 0
+        while carried < 40:
+            action = expert.act(env.snapshot, env.goal)
+            carried += expert.phase is Phase.CARRY
+            if 2 < carried < 8:
+                action[0] = -0.5
+            env.step(action)
+        return float(np.arccos(min(1.0, env.snapshot.link_rotation_w[0, 0, 2, 2])))
+
+    assert tilt_at_end(1.0) < 0.7 * tilt_at_end(0.0)

@@ -10,7 +10,7 @@ from artiskill.assets.catalog import list_objects
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.experts.door import door_of
 from artiskill.experts.frames import Frame
-from artiskill.experts.grip import nearest_grasp
+from artiskill.experts.grasp import usual_grasp
 from artiskill.experts.open_cabinet import OpenCabinetExpert, Phase
 from artiskill.experts.whole_body import WholeBodyConfig, WholeBodyController, bounded_least_squares
 
@@ -73,7 +73,8 @@ def test_it_grips_and_pulls_without_slipping(env: ManipulationEnv) -> None:
         assert np.abs(action).max() <= 1
         phases.append(expert.phase)
         if expert.phase is Phase.PULL:
-            gripped.append(nearest_grasp(env.snapshot, env.goal).position - env.snapshot.tool_position_w[0, 0])
+            grasp = usual_grasp().frame(env.snapshot, env.goal, 10)
+            gripped.append(grasp.position - env.snapshot.tool_position_w[0, 0])
         _, _, terminated, truncated, info = env.step(action)
         done = terminated or truncated
     assert info["success"]
@@ -191,3 +192,29 @@ def test_a_hand_that_cannot_reach_in_tries_again_nearer_to_level(env: Manipulati
     assert expert._tilted(low).forward[2] == pytest.approx(steep / 2)
     expert.reset(env.snapshot, env.goal)
     assert expert._tilted(low).forward[2] == steep
+
+
+def test_another_try_is_the_usual_one(env: ManipulationEnv) -> None:
+    """What failed in a manner of its own is done again in the usual one, before the hand comes nearer to level."""
+    usual = OpenCabinetExpert(env.task.robot).config
+    manner = dataclasses.replace(usual.grasp, lean_along_rad=0.1, roll_rad=1.0)
+    stance = dataclasses.replace(usual.stance, bearing_rad=0.3)
+    expert = OpenCabinetExpert(env.task.robot, dataclasses.replace(usual, grasp=manner, stance=stance))
+    expert.reset(env.snapshot, env.goal)
+    before = expert._look(env.snapshot, env.goal).grasp
+    tilts = []
+    for _ in range(2):
+        expert.phase, expert._steps_in_phase = Phase.REACH, expert.config.grip.patience_steps
+        expert.act(env.snapshot, env.goal)
+        tilts.append(expert._tilt)
+    assert tilts == [1.0, 0.5]
+    assert expert._stance.bearing_rad == 0
+    plain = OpenCabinetExpert(env.task.robot)
+    plain.reset(env.snapshot, env.goal)
+    plain._tilt = 0.5
+    after, wanted = expert._look(env.snapshot, env.goal).grasp, plain._look(env.snapshot, env.goal).grasp
+    np.testing.assert_array_equal(after.position, wanted.position)
+    np.testing.assert_array_equal(after.rotation, wanted.rotation)
+    assert np.abs(before.rotation - after.rotation).max() > 0.1
+    expert.reset(env.snapshot, env.goal)
+    np.testing.assert_array_equal(expert._look(env.snapshot, env.goal).grasp.rotation, before.rotation)

@@ -1,16 +1,27 @@
 """The expert of PushChair: it finds posts to grip, steers, brakes, keeps the chair upright, and is repeatable."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from artiskill.assets.catalog import list_objects, load_object
+from artiskill.config import CONFIG_DIR, load_config
 from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.errors import ConfigError
 from artiskill.experts.push_chair import Phase, PushChairExpert
+from artiskill.experts.push_chair_config import PushChairExpertConfig
 from artiskill.experts.push_chair_plan import LEFT, RIGHT, make_plan
-from artiskill.tasks.push_chair.posts import grip_points
+from artiskill.experts.variation import load_variation, varied
+from artiskill.tasks.push_chair.posts import grip_places
 
 SWIVEL, SLED, CANTILEVER = "chair-0001", "chair-0039", "chair-0037"
 CHAIRS = list_objects("chair") + list_objects("chair", "ood")
+
+
+@pytest.fixture
+def config() -> PushChairExpertConfig:
+    return load_config(PushChairExpertConfig, CONFIG_DIR / "experts" / "push_chair.yaml")
 
 
 @pytest.fixture
@@ -23,7 +34,8 @@ def env() -> ManipulationEnv:
 @pytest.mark.parametrize("name", CHAIRS)
 def test_every_chair_has_a_post_to_grip(name: str) -> None:
     obj = load_object(name)
-    points, count = grip_points(obj)
+    places = grip_places(obj)
+    points, count = places.points, places.count
     assert count in (1, 2, 4)
     assert not points[count:].any()
     assert (points[:count, 2] > 0.1).all()
@@ -31,12 +43,21 @@ def test_every_chair_has_a_post_to_grip(name: str) -> None:
     assert (points[:count, 2] < seat).all(), "below the seat"
     if count == 1:
         np.testing.assert_allclose(points[0, :2], 0.0, atol=1e-6, err_msg="the column stands in the middle")
+    lowest, highest = places.ends[:count, 0], places.ends[:count, 1]
+    assert (lowest[:, 2] <= points[:count, 2]).all()
+    assert (points[:count, 2] <= highest[:, 2]).all()
+    assert (lowest[:, 2] > 0.1).all()
+    assert (highest[:, 2] < seat).all()
+    lean, way = points[:count] - lowest, highest - lowest
+    np.testing.assert_allclose(np.cross(lean, way), 0.0, atol=1e-9, err_msg="all three lie on the post's axis")
 
 
-def test_a_column_takes_one_hand_that_points_to_the_target(env: ManipulationEnv) -> None:
+def test_a_column_takes_one_hand_that_points_to_the_target(
+    env: ManipulationEnv, config: PushChairExpertConfig
+) -> None:
     for level in range(6):
         env.reset(options={"level": level, "object": SWIVEL})
-        plan = make_plan(env.snapshot, env.goal, 0.75)
+        plan = make_plan(env.snapshot, env.goal, config)
         (hand,) = plan.hands
         pointing = plan.side_rad + np.pi + (0.75 if hand == RIGHT else -0.75)
         chair = env.snapshot.link_position_w[0, 0, :2]
@@ -45,19 +66,58 @@ def test_a_column_takes_one_hand_that_points_to_the_target(env: ManipulationEnv)
 
 
 @pytest.mark.parametrize("name", [SLED, CANTILEVER])
-def test_a_frame_takes_both_hands_which_do_not_cross(env: ManipulationEnv, name: str) -> None:
+def test_a_frame_takes_both_hands_which_do_not_cross(
+    env: ManipulationEnv, config: PushChairExpertConfig, name: str
+) -> None:
     for level in range(6):
         env.reset(options={"level": level, "object": name})
-        plan = make_plan(env.snapshot, env.goal, 0.75)
+        plan = make_plan(env.snapshot, env.goal, config)
         assert plan.hands == (RIGHT, LEFT)
         heading = plan.side_rad + np.pi
         left = np.array((-np.sin(heading), np.cos(heading)))
         assert (plan.points[LEFT] - plan.points[RIGHT])[:2] @ left > 0.3
 
 
-def test_a_chair_without_known_posts_still_has_a_plan(env: ManipulationEnv) -> None:
+def test_a_chair_without_known_posts_still_has_a_plan(env: ManipulationEnv, config: PushChairExpertConfig) -> None:
     env.goal.grip_count[:] = 0
-    assert len(make_plan(env.snapshot, env.goal, 0.75).hands) == 1
+    assert len(make_plan(env.snapshot, env.goal, config).hands) == 1
+
+
+def test_a_bias_leads_it_to_other_sides(env: ManipulationEnv, config: PushChairExpertConfig) -> None:
+    sides, hands = set(), set()
+    for bias in (-np.pi / 2, 0.0, np.pi / 2):
+        changed = dataclasses.replace(config, side_bias_rad=bias)
+        env.reset(options={"level": 0, "object": SLED})
+        sides.add(make_plan(env.snapshot, env.goal, changed).side_rad)
+        env.reset(options={"level": 0, "object": SWIVEL})
+        hands.add(make_plan(env.snapshot, env.goal, changed).hands)
+    assert len(sides) > 1
+    assert hands == {(RIGHT,), (LEFT,)}
+
+
+def test_the_height_of_the_grip_goes_from_end_to_end(env: ManipulationEnv, config: PushChairExpertConfig) -> None:
+    def height(share: float) -> float:
+        plan = make_plan(env.snapshot, env.goal, dataclasses.replace(config, grip_height=share))
+        return float(plan.points[RIGHT, 2])
+
+    lowest, highest = env.goal.grip_ends[0, 0, :, 2]
+    assert height(-1.0) == lowest
+    assert height(0.0) == env.goal.grip_points[0, 0, 2]
+    assert height(1.0) == highest
+    assert lowest < height(-0.5) < height(0.0) < height(0.5) < highest
+
+
+@pytest.mark.parametrize(("key", "value"), [("grip_height", 1.1), ("base_speed_share", 0), ("stop_m", 0.2)])
+def test_illegal_values_are_refused(config: PushChairExpertConfig, key: str, value: float) -> None:
+    with pytest.raises(ConfigError, match=key):
+        dataclasses.replace(config, **{key: value})
+
+
+def test_every_draw_of_its_variation_is_legal(config: PushChairExpertConfig) -> None:
+    ranges = load_variation("PushChair").ranges
+    drawn = [varied(config, ranges, np.random.default_rng(seed)) for seed in range(100)]
+    assert len({one.side_bias_rad for one in drawn}) == len(drawn)
+    assert all(one.base_distance_m < one.around_distance_m for one in drawn), "it drives around, not through"
 
 
 @pytest.mark.slow
@@ -112,3 +172,68 @@ def test_the_same_episode_gives_the_same_actions(env: ManipulationEnv) -> None:
         return np.array(taken)
 
     np.testing.assert_array_equal(actions(), actions())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("curve_rad_m", [-0.4, 0.4])
+def test_a_curve_takes_the_chair_home_on_its_side(
+    env: ManipulationEnv, config: PushChairExpertConfig, curve_rad_m: float
+) -> None:
+    env.reset(options={"level": 1, "object": SWIVEL})
+    expert = PushChairExpert(env.task.robot, dataclasses.replace(config, curve_rad_m=curve_rad_m))
+    expert.reset(env.snapshot, env.goal)
+    start = env.snapshot.link_position_w[0, 0, :2]
+    left_of_the_way = np.array((start[1], -start[0])) / np.linalg.norm(start)  # as seen when going to the origin
+    aside, done = [], False
+    while not done:
+        _, _, terminated, truncated, info = env.step(expert.act(env.snapshot, env.goal))
+        aside.append(float(env.snapshot.link_position_w[0, 0, :2] @ left_of_the_way))
+        done = terminated or truncated
+    assert info["success"]
+    assert max(np.array(aside) * np.sign(curve_rad_m)) > 0.05
+    assert max(np.array(aside) * -np.sign(curve_rad_m)) < 0.05
+
+
+@pytest.mark.slow
+def test_a_hand_that_was_pushed_aside_goes_back_and_reaches_anew(
+    env: ManipulationEnv, config: PushChairExpertConfig
+) -> None:
+    env.reset(options={"level": 1, "object": SWIVEL})
+    expert = PushChairExpert(env.task.robot, dataclasses.replace(config, stray_m=0.04))
+    expert.reset(env.snapshot, env.goal)
+    phases, reached, pushed, done = [expert.phase], 0, 0, False
+    while not done:
+        action = expert.act(env.snapshot, env.goal)
+        if expert.phase is not phases[-1]:
+            phases.append(expert.phase)
+        reached += expert.phase is Phase.REACH
+        if expert.phase is Phase.REACH and reached > 5 and pushed < 8:
+            action[2] = -0.5  # the base turns
+            pushed += 1
+        _, _, terminated, truncated, info = env.step(action)
+        done = terminated or truncated
+    assert pushed
+    assert phases[3:6] == [Phase.RETREAT, Phase.CARRY, Phase.ALIGN]
+    assert info["success"]
+
+
+@pytest.mark.slow
+def test_it_gives_up_a_reach_in_vain_and_takes_the_usual_hold(
+    env: ManipulationEnv, config: PushChairExpertConfig
+) -> None:
+    env.reset(options={"level": 1, "object": SWIVEL})
+    changed = dataclasses.replace(config, grip_height=-0.5, reach_steps=25)
+    expert = PushChairExpert(env.task.robot, changed)
+    expert.reset(env.snapshot, env.goal)
+    held = 0
+    for _ in range(120):
+        action = expert.act(env.snapshot, env.goal)
+        if expert.phase is Phase.REACH:
+            action[:] = 0.0
+            held += 1
+        env.step(action)
+        if held and expert.phase is Phase.CARRY:
+            break
+    assert held == 25
+    assert expert._plan is not None
+    np.testing.assert_array_equal(expert._plan.points[RIGHT], env.goal.grip_points[0, 0])

@@ -28,7 +28,9 @@ def add_command(commands: Any) -> None:
     )
     parser.add_argument("--task", default="OpenCabinetDrawer", help="name of the task (default: %(default)s)")
     parser.add_argument(
-        "--policy", default="expert", help="expert, random, still or path/to/solution.py (default: expert)"
+        "--policy",
+        default="expert",
+        help="expert, demonstrator, random, still or path/to/solution.py (default: expert)",
     )
     parser.add_argument(
         "--objects", nargs="+", default=["test"], help="splits, ids, PartNet folders (default: test)"

@@ -1,17 +1,18 @@
-"""Policies as evaluation sees them, and those that come with the package: `expert`, `random` and `still`."""
+"""Policies as evaluation sees them, and those that come with the package."""
 
 import zlib
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
+from artiskill.demos.demonstrator import Demonstrator
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import UnknownNameError
 from artiskill.evaluation.solution import Solution, read_solution
 from artiskill.experts.registry import Expert, make_expert
 
-POLICY_NAMES = ("expert", "random", "still")
 # Levels use small numbers as spawn keys (`tasks.levels.Stream`); random actions must not follow any of them.
 _RANDOM_STREAM = 1000
 
@@ -58,6 +59,31 @@ class ExpertActor:
         """The expert's action, (A,)."""
         assert self._expert is not None
         return self._expert.act(env.snapshot, env.goal)
+
+
+class DemonstratorActor:
+    """The expert as it demonstrates: its manner differs by level, and it is disturbed now and then."""
+
+    name = "demonstrator"
+    obs_mode: str | None = None
+
+    def __init__(self) -> None:
+        self._demonstrator: Demonstrator | None = None
+
+    def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
+        """Begin an episode.
+
+        Raises:
+            PolicyError: the task has no expert.
+        """
+        if self._demonstrator is None:
+            self._demonstrator = Demonstrator(env)
+        self._demonstrator.begin(env)
+
+    def act(self, env: ManipulationEnv, observation: Any) -> np.ndarray:
+        """The action that a collection would store, (A,)."""
+        assert self._demonstrator is not None
+        return self._demonstrator.act(env)
 
 
 class RandomActor:
@@ -118,11 +144,20 @@ class SolutionActor:
         return self._solution.act(observation, env.action_space.shape or ())
 
 
+_ACTORS: Mapping[str, Callable[[], Actor]] = {
+    "expert": ExpertActor,
+    "demonstrator": DemonstratorActor,
+    "random": RandomActor,
+    "still": StillActor,
+}
+POLICY_NAMES = tuple(_ACTORS)
+
+
 def load_policy(policy: Any) -> Actor:
     """The actor of a name, of a solution file, or of a function or `Policy` object.
 
     Args:
-        policy: `expert`, `random`, `still`, the path of a Python file (see docs/evaluation.md), a function
+        policy: one of `POLICY_NAMES`, the path of a Python file (see docs/evaluation.md), a function
             (observation) -> action, or an object with `obs_mode`, `reset` and `act`.
 
     Raises:
@@ -131,12 +166,8 @@ def load_policy(policy: Any) -> Actor:
     """
     if not isinstance(policy, str | Path):
         return SolutionActor(Solution.of_object(policy))
-    if str(policy) == "expert":
-        return ExpertActor()
-    if str(policy) == "random":
-        return RandomActor()
-    if str(policy) == "still":
-        return StillActor()
+    if str(policy) in _ACTORS:
+        return _ACTORS[str(policy)]()
     path = Path(policy)
     if path.suffix != ".py" and not path.exists():
         raise UnknownNameError("policy", str(policy), POLICY_NAMES, "Also legal: the path of a file solution.py.")

@@ -1,5 +1,6 @@
 """Poses and motions of the hand as an expert reckons with them: one environment, world frame."""
 
+import math
 from dataclasses import dataclass
 from typing import cast
 
@@ -12,6 +13,8 @@ from artiskill.geometry.rotations import (
     quat_to_rotation_vector,
 )
 from artiskill.sim.snapshot import Snapshot
+
+_MOST_ASIDE_RAD = 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,3 +73,10 @@ def rotation_error(current: np.ndarray, wanted: np.ndarray) -> np.ndarray:
 def limited(vector: np.ndarray, length: float) -> np.ndarray:
     """The vector, shortened to a length if it is longer."""
     return vector * min(1.0, length / max(float(np.linalg.norm(vector)), 1e-9))
+
+
+def curved(velocity: np.ndarray, angle_rad: float) -> np.ndarray:
+    """A velocity (2,) on the floor, turned aside; by at most 1.2 rad, for it must come nearer to its target."""
+    angle = min(max(angle_rad, -_MOST_ASIDE_RAD), _MOST_ASIDE_RAD)
+    cos, sin = math.cos(angle), math.sin(angle)
+    return np.array((cos * velocity[0] - sin * velocity[1], sin * velocity[0] + cos * velocity[1]))

@@ -1,4 +1,4 @@
-"""Taking hold of a handle: which grasp, how to come near, and when the fingers may close."""
+"""Taking hold of a handle: how to come near, and when the fingers may close."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -6,8 +6,6 @@ from enum import Enum
 import numpy as np
 
 from artiskill.experts.frames import Frame, axis_rotation, rotation_error
-from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.open_cabinet.goal import OpenGoal
 
 _MAX_TILT_SINE = 0.7
 
@@ -58,16 +56,6 @@ class GripConfig:
     arm_reach_m: float
 
 
-def nearest_grasp(snapshot: Snapshot, goal: OpenGoal) -> Frame:
-    """The grasp pose in the world that is nearest to the hand (B = 1)."""
-    link = int(goal.link[0])
-    rotation = snapshot.link_rotation_w[0, link]
-    position = snapshot.link_position_w[0, link] + rotation @ goal.grasp_positions[0, 0]
-    candidates = rotation @ goal.grasp_rotations[0]  # (G, 3, 3)
-    likeness = np.einsum("gij,ij->g", candidates, snapshot.tool_rotation_w[0, 0])
-    return Frame(position, candidates[int(np.argmax(likeness))])
-
-
 def tilted(frame: Frame, share: float, rest_height_m: float, config: GripConfig) -> Frame:
     """A pose whose hand comes from above: the shoulder swings it down to heights below the lift's lowest reach.
 
@@ -92,12 +80,12 @@ def after_approach(tool: Frame, grasp: Frame, config: GripConfig) -> Phase:
     return Phase.REACH if aligned and near else Phase.APPROACH
 
 
-def after_reach(tool: Frame, grasp: Frame, steps: int, config: GripConfig) -> Phase:
-    """Whether the handle lies between the fingers, after so many steps of reaching in."""
+def after_reach(tool: Frame, grasp: Frame, steps: int, patience_steps: int, config: GripConfig) -> Phase:
+    """Whether the handle lies between the fingers, after so many steps of reaching in; how many there may be."""
     error, angle = _errors(tool, grasp)
     along, across, forward = np.abs(error)
     lost = across > 3 * config.aligned_m or angle > 3 * config.aligned_rad
-    if lost or steps >= config.patience_steps:
+    if lost or steps >= patience_steps:
         return Phase.APPROACH
     near = across < config.grasp_m and along < 3 * config.grasp_m
     blocked = steps >= config.blocked_steps and forward < config.blocked_m

@@ -4,89 +4,22 @@ Closed loop: every step it looks where the hands are relative to the bucket and 
 out is taken again. Bail and ears stay untouched. It reads the snapshot and the goal, nothing else.
 """
 
-from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
 from artiskill.config import CONFIG_DIR, load_config
-from artiskill.experts.frames import Frame, limited, rotation_error
-from artiskill.experts.move_bucket_press import Press, PressConfig, choose_press
+from artiskill.experts.frames import Frame, axis_rotation, curved, limited, rotation_error
+from artiskill.experts.move_bucket_config import MoveBucketExpertConfig
+from artiskill.experts.move_bucket_press import Press, choose_press
 from artiskill.experts.two_arms import ARMS, TRUNK, TwoArmController
-from artiskill.experts.whole_body import WholeBodyConfig
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.move_bucket.goal import BucketGoal
 
 _UP = np.array((0.0, 0.0, 1.0))
+_MOST_PITCH_RAD = 0.5  # hands turn so far from level for the bucket's sake
 _SIDES = (-1.0, 1.0)  # the first arm is the right one; the hands' axis points from right to left
-
-
-@dataclass(frozen=True)
-class MoveBucketExpertConfig:
-    """Distances, speeds and gains.
-
-    Attributes:
-        standoff_m: the fingertips stop this far from the wall before the hands close.
-        hold_distance_m: from the robot's base to the bucket.
-        position_gain_s: hand velocity per position error.
-        rotation_gain_s: hand angular velocity per orientation error.
-        posture_gain_s: joint velocity per posture error.
-        carry_gain_s: bucket velocity per distance to its goal.
-        approach_speed_m_s: of the hands, on their way to the bucket.
-        close_speed_m_s: of the hands, from the standoff to the wall.
-        touch_speed_m_s: of the hands, the last bit to the wall.
-        press_n: force of each hand once both touch.
-        lift_speed_m_s: of the bucket, upwards.
-        carry_speed_m_s: of the bucket, sideways.
-        carry_acceleration_m_s2: of the bucket.
-        turn_speed_rad_s: of the hands.
-        yaw_share: of the gain, about the vertical, while they touch: contacts turn them as well.
-        aligned_m: position error below which the hands close.
-        aligned_rad: orientation error below which they close.
-        touching_m: distance of the fingertips from the wall below which a hand counts as touching.
-        ramp_steps: environment steps of touching until they press with all of it.
-        press_steps: environment steps of touching before the bucket is lifted.
-        slip_m: distance of a hand from its place above which the bucket counts as lost.
-        rise_m: how high the bucket is lifted.
-        clear_m: it moves sideways once it is this high.
-        inner_distance_m: how far from the platform's middle, on the robot's side, it is held.
-        finger_position_m: of each finger, open, for two places of contact per hand.
-        arm_qpos_rad: preferred posture of the right arm; the left one's is its mirror image.
-        lift_below_hand_m: preferred height of the hands above the lift's position.
-        press: where to press.
-        whole_body: weights of the inverse kinematics.
-    """
-
-    standoff_m: float
-    hold_distance_m: float
-    position_gain_s: float
-    rotation_gain_s: float
-    posture_gain_s: float
-    carry_gain_s: float
-    approach_speed_m_s: float
-    close_speed_m_s: float
-    touch_speed_m_s: float
-    press_n: float
-    lift_speed_m_s: float
-    carry_speed_m_s: float
-    carry_acceleration_m_s2: float
-    turn_speed_rad_s: float
-    yaw_share: float
-    aligned_m: float
-    aligned_rad: float
-    touching_m: float
-    ramp_steps: int
-    press_steps: int
-    slip_m: float
-    rise_m: float
-    clear_m: float
-    inner_distance_m: float
-    finger_position_m: float
-    arm_qpos_rad: tuple[float, ...]
-    lift_below_hand_m: float
-    press: PressConfig
-    whole_body: WholeBodyConfig
 
 
 class Phase(Enum):
@@ -114,6 +47,7 @@ class MoveBucketExpert:
         self._press = Press(0.0, 0.0, np.zeros(ARMS), np.zeros(1))
         self._touching_steps = 0
         self._velocity = np.zeros(3)  # of the carried bucket
+        self._pitch_rad = 0.0  # of the carrying hands
         self._axis = np.zeros(3)
 
     def reset(self, snapshot: Snapshot, goal: BucketGoal) -> None:
@@ -131,7 +65,8 @@ class MoveBucketExpert:
     # -- deciding ------------------------------------------------------------------------------------------------
 
     def _start_over(self, snapshot: Snapshot, goal: BucketGoal) -> None:
-        self.phase, self._touching_steps, self._velocity = Phase.APPROACH, 0, np.zeros(3)
+        self.phase, self._touching_steps = Phase.APPROACH, 0
+        self._velocity, self._pitch_rad = np.zeros(3), 0.0
         self._press = choose_press(snapshot, goal, self.config.press)
 
     def _advance_phase(self, snapshot: Snapshot, goal: BucketGoal) -> None:
@@ -161,8 +96,10 @@ class MoveBucketExpert:
         """Of the carried bucket: up first, then to the platform's near side, with limited acceleration."""
         config = self.config
         position = snapshot.link_position_w[0, 0]
-        target = -config.inner_distance_m * self._heading(snapshot)
-        flat = limited(config.carry_gain_s * (target - position)[:2], config.carry_speed_m_s)
+        target = -config.inner_distance_m * self._heading(snapshot) + config.aside_m * self._axis
+        way = (target - position)[:2]
+        flat = limited(config.carry_gain_s * way, config.carry_speed_m_s)
+        flat = curved(flat, config.curve_rad_m * float(np.linalg.norm(way)))
         flat = flat if position[2] > config.clear_m else np.zeros(2)
         up = np.clip(
             config.carry_gain_s * (config.rise_m - position[2]), -config.lift_speed_m_s, config.lift_speed_m_s
@@ -230,9 +167,12 @@ class MoveBucketExpert:
         """(2, 6) both hands go with the bucket, stay on one level line and press."""
         config = self.config
         middle = snapshot.tool_position_w[0].mean(axis=0)
+        self._pitch_rad = self._next_pitch(snapshot)
         twists = []
         for arm in range(ARMS):
             frame = self._frame(snapshot, arm, 0.0)
+            if self._pitch_rad:
+                frame = Frame(frame.position, axis_rotation(self._axis, self._pitch_rad) @ frame.rotation)
             off = middle - snapshot.tool_position_w[0, arm]
             off = off - (off @ self._axis) * self._axis
             linear = self._velocity + config.position_gain_s * off
@@ -253,6 +193,12 @@ class MoveBucketExpert:
         if self.phase is not Phase.APPROACH:
             error[2] = self.config.yaw_share * self._yaw_to_wall(snapshot, arm)
         return limited(self.config.rotation_gain_s * error, self.config.turn_speed_rad_s)
+
+    def _next_pitch(self, snapshot: Snapshot) -> float:
+        """By how much both hands turn about their axis: ever more while the bucket is tilted about it."""
+        tilt = float(np.cross(snapshot.link_rotation_w[0, 0, :, 2], _UP) @ self._axis)
+        pitch = self._pitch_rad + self.config.level_gain_s * snapshot.step_s * tilt
+        return min(max(pitch, -_MOST_PITCH_RAD), _MOST_PITCH_RAD)
 
     def _yaw_to_wall(self, snapshot: Snapshot, arm: int) -> float:
         """Angle about the vertical that makes both fingertips of a hand equally far from the wall."""

@@ -14,6 +14,8 @@ class PressConfig:
     """What makes a pair of places good.
 
     Attributes:
+        side_bias_rad: the side to stand on is chosen as if the robot stood so far around the bucket,
+            counter-clockwise; 0 for the nearest one.
         pad_to_tip_m: how far the fingertips are ahead of the tool's centre.
         spread_m: the open fingertips touch the wall up to this far beside the hand's axis.
         share: best height, as a share of the body's.
@@ -27,6 +29,7 @@ class PressConfig:
         platform_side_rad: the robot stays beyond the bucket as seen from the platform, up to this far aside.
     """
 
+    side_bias_rad: float
     pad_to_tip_m: float
     spread_m: float
     share: float
@@ -107,10 +110,10 @@ def _turn_cost(snapshot: Snapshot, directions: np.ndarray, config: PressConfig) 
     yaw = np.arctan2(x_axis[1], x_axis[0])
     heading = directions + yaw - np.pi / 2  # the robot's, whose left side the direction is
     now, outwards = (np.arctan2(*v[::-1]) for v in (bucket - base, bucket))
-    turn = np.abs(_wrapped(heading - now))
+    turn, biased = np.abs(_wrapped(heading - now)), np.abs(_wrapped(heading - now - config.side_bias_rad))
     aside = np.abs(_wrapped(heading + np.pi - outwards))
     too_far = np.maximum(aside - config.platform_side_rad, 0.0)
-    return config.turn_weight * turn**2 + 10 * too_far + np.where(turn > np.pi / 2, 100.0, 0.0)
+    return config.turn_weight * biased**2 + 10 * too_far + np.where(turn > np.pi / 2, 100.0, 0.0)
 
 
 def _missing_clearance(

@@ -14,15 +14,9 @@ from artiskill.experts import door_opening
 from artiskill.experts.door import Door, door_of
 from artiskill.experts.door_opening import DoorConfig
 from artiskill.experts.frames import Frame, Motion, head_for, limited, rotation_error, tool_frame, yaw_rotation
-from artiskill.experts.grip import (
-    GripConfig,
-    Phase,
-    after_approach,
-    after_reach,
-    has_slipped,
-    nearest_grasp,
-    tilted,
-)
+from artiskill.experts.grasp import GraspConfig, choose_grasp, usual_grasp
+from artiskill.experts.grip import GripConfig, Phase, after_approach, after_reach, has_slipped, tilted
+from artiskill.experts.stance import Posture, StanceConfig, approach_point
 from artiskill.experts.whole_body import WholeBodyConfig, WholeBodyController
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
@@ -34,6 +28,8 @@ _OPEN_HANDED = (Phase.APPROACH, Phase.REACH, Phase.RELEASE)
 _INTO_LIMIT = 0.01  # pulling aims so far beyond where it stops, m, lest it creeps there
 _INTO_LIMIT_RAD = 0.03
 _HALF_TURN = np.diag((-1.0, -1.0, 1.0))  # of a hand about its own z axis
+_AJAR_RAD = 0.05  # a door that is less open when it is gripped counts as closed
+_SPARE_STEPS = 10  # of reaching in
 _UPRIGHT = 0.5  # cosine to the vertical above which a hinge counts as upright
 
 
@@ -50,7 +46,9 @@ class OpenCabinetExpertConfig:
         pull_speed_m_s: of the hand, along a slide.
         turn_speed_rad_s: of the hand.
         overshoot: how far beyond the open position to go, as a fraction of what is left of the range.
-        grip: how handles are gripped.
+        stance: where the base stands, and from where the hand comes.
+        grasp: which way handles are gripped.
+        grip: when the fingers close on them.
         door: how doors are opened.
         whole_body: weights of the inverse kinematics.
     """
@@ -63,6 +61,8 @@ class OpenCabinetExpertConfig:
     pull_speed_m_s: float
     turn_speed_rad_s: float
     overshoot: float
+    stance: StanceConfig
+    grasp: GraspConfig
     grip: GripConfig
     door: DoorConfig
     whole_body: WholeBodyConfig
@@ -95,9 +95,12 @@ class OpenCabinetExpert:
         self.config = config or load_config(OpenCabinetExpertConfig, CONFIG_DIR / "experts" / "open_cabinet.yaml")
         self.controller = WholeBodyController(robot, self.config.whole_body)
         self.phase = Phase.APPROACH
+        self._last_joint = self.controller.num_joints - 1
         self._rest_arm = np.asarray(robot.initial.arm_qpos_rad)
+        self._mount_m = np.asarray(robot.mounts[0].position_m)
         self._max_opening = float(self.controller.scale.half_range[-1] * 2)
-        self._rest_offset = np.zeros(3)  # of the tool from the base, at rest
+        self._rest = self._stance = Posture(self._rest_arm, np.zeros(3))
+        self._grasp = usual_grasp()
         self._begin()
 
     def _begin(self) -> None:
@@ -105,12 +108,17 @@ class OpenCabinetExpert:
         self._before_hold = Phase.PULL
         self._held: Frame | None = None  # where the hand holds still
         self._flipped, self._tilt = False, 1.0
+        self._is_second_try = False  # the first one in the usual manner, after one of its own
+        self._gripped_rad = 0.0  # angle of the door when the hand closed
 
     def reset(self, snapshot: Snapshot, goal: OpenGoal) -> None:
         """Begin an episode at its first state, in which the arm is at rest (B = 1)."""
         self._begin()
         x, y, yaw, lift = snapshot.robot_qpos[0, :4]
-        self._rest_offset = yaw_rotation(-yaw) @ (snapshot.tool_position_w[0, 0] - (x, y, lift))
+        offset = yaw_rotation(-yaw) @ (snapshot.tool_position_w[0, 0] - (x, y, lift))
+        self._rest = Posture(self._rest_arm, offset)
+        self._stance = self._rest.turned(self.config.stance.bearing_rad, self._mount_m)
+        self._grasp = choose_grasp(self.config.grasp, snapshot, goal, self._last_joint)
 
     def act(self, snapshot: Snapshot, goal: OpenGoal) -> np.ndarray:
         """The next action, (R,) in [-1, 1]."""
@@ -126,19 +134,21 @@ class OpenCabinetExpert:
         return self.controller.to_action(snapshot, qvel, self._opening(goal))
 
     def _look(self, snapshot: Snapshot, goal: OpenGoal) -> _Instant:
+        goal = self._grasp.on(goal)
+        grasp = self._grasp.frame(snapshot, goal, self._last_joint)
         stop = goal.open_qpos[0] + self.config.overshoot * (goal.upper[0] - goal.open_qpos[0])
         return _Instant(
             snapshot=snapshot,
             goal=goal,
             tool=tool_frame(snapshot),
-            grasp=self._tilted(nearest_grasp(snapshot, goal)),
+            grasp=self._grasp.leaning(self._tilted(grasp)),
             door=door_of(snapshot, goal) if goal.turns[0] else None,
             left=float(stop - snapshot.object_qpos[0, int(goal.joint[0])]),
         )
 
     def _tilted(self, frame: Frame) -> Frame:
         """A pose whose hand comes from above where that is low."""
-        return tilted(frame, self._tilt, self._rest_offset[2], self.config.grip)
+        return tilted(frame, self._tilt, self._rest.tool_offset[2], self.config.grip)
 
     # -- deciding ------------------------------------------------------------------------------------------------
 
@@ -147,7 +157,7 @@ class OpenCabinetExpert:
         if phase is Phase.APPROACH:
             return after_approach(now.tool, now.grasp, self.config.grip)
         if phase is Phase.REACH:
-            return after_reach(now.tool, now.grasp, steps, self.config.grip)
+            return after_reach(now.tool, now.grasp, steps, self._patience(now), self.config.grip)
         if phase in (Phase.GRIP, Phase.PULL) and has_slipped(now.tool, now.grasp, self.config.grip):
             return door_opening.after_slip(now.door, self.config.door) if now.door else Phase.APPROACH
         if phase is Phase.GRIP:
@@ -165,20 +175,44 @@ class OpenCabinetExpert:
     def _enter(self, phase: Phase, now: _Instant) -> None:
         """Begin another phase, and remember what it needs to know about its beginning."""
         before, steps = self.phase, self._steps_in_phase
-        if before is Phase.REACH and phase is Phase.APPROACH and steps >= self.config.grip.patience_steps:
-            self._tilt /= 2
+        gave_up = before is Phase.REACH and steps >= self._patience(now)
+        if phase is Phase.APPROACH and (gave_up or before is not Phase.REACH):
+            self._try_again(gave_up)
+        if phase is Phase.GRIP and now.door is not None:
+            self._gripped_rad = now.door.angle_rad if now.door.angle_rad > _AJAR_RAD else 0.0
         if phase is Phase.HOLD:
             self._before_hold, self._held = before, now.tool
         if phase is Phase.AROUND and before is not Phase.PUSH:
             self._flipped = self._should_flip(now)
         self.phase, self._steps_in_phase = phase, 0
 
+    def _try_again(self, gave_up: bool) -> None:
+        """Come anew: in the usual manner, or, if the handle was not reached in that, nearer to level."""
+        if gave_up and self._is_usual:
+            self._tilt /= 2
+        self._is_second_try = not self._is_usual
+        self._grasp, self._stance = usual_grasp(), self._rest
+
+    @property
+    def _is_usual(self) -> bool:
+        """Whether the handle is taken in the usual manner."""
+        return self._grasp.is_usual and not self._stance.bearing_rad
+
+    def _patience(self, now: _Instant) -> int:
+        """Steps that reaching in may take; in a manner of its own not many more than the way needs."""
+        config = self.config
+        if self._is_usual and not self._is_second_try:
+            return config.grip.patience_steps
+        needed = config.grip.standoff_m / (config.reach_speed_m_s * now.snapshot.step_s)
+        least = config.grip.blocked_steps + 1  # by then the fingers may close where they are
+        return min(config.grip.patience_steps, max(int(needed) + _SPARE_STEPS, least))
+
     def _should_flip(self, now: _Instant) -> bool:
         """Whether the pushing hand should be turned about by half, so that the last joint stays in its range."""
         assert now.door is not None
         relative = now.tool.rotation.T @ door_opening.pushing_hand(now.door, self.config.door)
         roll = float(np.arctan2(relative[1, 0], relative[0, 0]))
-        last = float(now.snapshot.robot_qpos[0, self.controller.num_joints - 1])
+        last = float(now.snapshot.robot_qpos[0, self._last_joint])
         return abs(last + roll - np.sign(roll) * np.pi) < abs(last + roll)
 
     def _opening(self, goal: OpenGoal) -> float:
@@ -195,7 +229,8 @@ class OpenCabinetExpert:
         config, grasp = self.config, now.grasp
         if self.phase is Phase.APPROACH:
             before = Frame(grasp.position - config.grip.standoff_m * grasp.forward, grasp.rotation)
-            return head_for(before, config.approach_speed_m_s)
+            point = approach_point(config.stance, before, now.tool.position)
+            return head_for(Frame(point, grasp.rotation), config.approach_speed_m_s)
         if self.phase in (Phase.REACH, Phase.GRIP):
             return head_for(grasp, config.reach_speed_m_s)
         if self.phase is Phase.HOLD:
@@ -213,7 +248,7 @@ class OpenCabinetExpert:
         """Pulling, letting go of, going around and pushing a door."""
         config, left = self.config.door, now.left + _INTO_LIMIT_RAD
         if self.phase is Phase.PULL:
-            return door_opening.pull(door, left, now.grasp, now.tool, config)
+            return door_opening.pull(door, left, now.grasp, now.tool, config, self._gripped_rad)
         if self.phase is Phase.RELEASE:
             return door_opening.release(door, now.tool, config)
         hand = self._pushing_hand(door)
@@ -237,14 +272,12 @@ class OpenCabinetExpert:
         return np.concatenate((linear, limited(turn, config.turn_speed_rad_s)))
 
     def _posture_velocity(self, snapshot: Snapshot, wanted: Frame) -> np.ndarray:
-        """Towards the base pose and lift from which the arm at rest would reach the wanted pose."""
+        """Towards the base pose and lift from which the arm in its posture would reach the wanted pose."""
         qpos = snapshot.robot_qpos[0, : self.controller.num_joints]
         if self.phase is Phase.HOLD:
             return np.zeros_like(qpos)
-        yaw = float(np.arctan2(wanted.forward[1], wanted.forward[0]))
-        base = wanted.position[:2] - (yaw_rotation(yaw) @ self._rest_offset)[:2]
-        lift = max(0.0, wanted.position[2] - self._rest_offset[2])
-        posture = np.concatenate((base, (yaw, lift), self._rest_arm))
+        let_go = self.phase in (Phase.RELEASE, Phase.AROUND, Phase.PUSH)
+        posture = (self._rest if let_go else self._stance).joints(wanted)
         posture[-1] = qpos[-1]  # the last joint rolls the hand as the handle asks
         error = posture - qpos
         error[2] = np.arctan2(np.sin(error[2]), np.cos(error[2]))

@@ -5,15 +5,16 @@ on casters follows, one that slides too; the pull is low, so that nothing tips. 
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
 
 from artiskill.config import CONFIG_DIR, load_config
-from artiskill.experts.frames import Frame, limited, rotation_error, yaw_rotation
+from artiskill.experts.frames import Frame, curved, limited, rotation_error, yaw_rotation
 from artiskill.experts.push_chair_config import PushChairExpertConfig
-from artiskill.experts.push_chair_plan import LEFT, RIGHT, GripPlan, make_plan
+from artiskill.experts.push_chair_hands import back_to_world, hand_rotation, seen_from_base
+from artiskill.experts.push_chair_plan import RIGHT, GripPlan, make_plan, steered
 from artiskill.experts.two_arms import ARMS, TRUNK, TwoArmController
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
@@ -31,6 +32,7 @@ class Phase(Enum):
     CARRY = "carry"  # drives to its side of the chair, the hands low and apart
     ALIGN = "align"
     REACH = "reach"
+    RETREAT = "retreat"  # straight back, after a hand strayed
     GRIP = "grip"
     DRIVE = "drive"
     HOLD = "hold"  # brakes, and stays as it is
@@ -77,13 +79,17 @@ class PushChairExpert:
         """Begin an episode at its first state (B = 1)."""
         self.phase, self._steps_in_phase = Phase.CARRY, 0
         self._velocity = np.zeros(2)
-        self._plan = make_plan(snapshot, goal, self.config.toe_in_rad)
+        self._plan = make_plan(snapshot, goal, self.config)
 
     def act(self, snapshot: Snapshot, goal: PushGoal) -> np.ndarray:
         """The next action, (R,) in [-1, 1]."""
         assert self._plan is not None
+        if self.phase is Phase.DRIVE and self._steers:
+            self._plan = steered(self._plan, snapshot, self.config)
         aim = self._aim(snapshot, self._plan)
         self._advance_phase(snapshot, aim, self._plan)
+        if self._is_in_vain(snapshot, aim):
+            aim = self._try_anew(snapshot, goal)
         trunk = self._trunk_velocity(snapshot, aim)
         twists = np.stack([self._twist(snapshot, aim, hand, trunk) for hand in range(ARMS)])
         gain = self.config.arm_gain_s if len(self._hands) == 1 else self.config.pair_arm_gain_s
@@ -94,6 +100,20 @@ class PushChairExpert:
         closed = self.phase in (Phase.GRIP, Phase.DRIVE, Phase.HOLD)
         openings = [0.0 if closed and hand in self._plan.hands else self._open for hand in range(ARMS)]
         return self.controller.to_action(snapshot, qvel, np.array(openings))
+
+    def _is_in_vain(self, snapshot: Snapshot, aim: _Aim) -> bool:
+        """Whether it has been reaching for long, or is back from where a hand strayed to."""
+        if self.phase not in (Phase.REACH, Phase.RETREAT):
+            return False
+        nearest = min(float(self._gap(snapshot, aim, hand)[2]) for hand in self._hands)
+        is_back = self.phase is Phase.RETREAT and nearest > self.config.standoff_m
+        return is_back or self._steps_in_phase >= self.config.reach_steps
+
+    def _try_anew(self, snapshot: Snapshot, goal: PushGoal) -> _Aim:
+        """Something is in the way: begin again where it is now, with the usual hold of that side."""
+        self.phase, self._steps_in_phase = Phase.CARRY, 0
+        self._plan = make_plan(snapshot, goal, replace(self.config, oblique_rad=0.0, grip_height=0.0))
+        return self._aim(snapshot, self._plan)
 
     # -- deciding ------------------------------------------------------------------------------------------------
 
@@ -111,7 +131,7 @@ class PushChairExpert:
         hands = []
         for hand in range(ARMS):
             yaw = heading + (toe_in if hand == RIGHT else -toe_in)
-            hands.append(Frame(points[hand], _hand_rotation(yaw, pitch, hand)))
+            hands.append(Frame(points[hand], hand_rotation(yaw, pitch, hand)))
         middle = points[:, :2].mean(axis=0)
         base = middle + self.config.base_distance_m * outward
         return _Aim((hands[0], hands[1]), base, heading, position[:2])
@@ -131,9 +151,11 @@ class PushChairExpert:
             self.phase = Phase.REACH if ready else before
         elif before is Phase.REACH and ahead < config.grip_m and aside < config.grip_m:
             self.phase = Phase.GRIP
+        elif before is Phase.REACH and aside > config.stray_m:
+            self.phase = Phase.RETREAT
         elif before is Phase.GRIP and self._steps_in_phase >= config.grip_steps:
             self.phase = Phase.DRIVE
-            self._held = [_seen_from_base(snapshot, hand) for hand in range(ARMS)]
+            self._held = [seen_from_base(snapshot, hand) for hand in range(ARMS)]
         elif before in (Phase.DRIVE, Phase.HOLD):
             away = float(np.linalg.norm(snapshot.link_position_w[0, 0, :2]))
             self.phase = (
@@ -167,16 +189,28 @@ class PushChairExpert:
         """Preferred velocities of base x, y, yaw and the lift, (4,)."""
         config, qpos = self.config, snapshot.robot_qpos[0, :TRUNK]
         place = self._way_around(snapshot, aim) if self.phase is Phase.CARRY else aim.base_xy
-        turn = math.remainder(aim.heading_rad - qpos[2], math.tau)
+        turn = math.remainder(self._facing(snapshot, aim) - qpos[2], math.tau)
         height = max(0.0, max(float(h.position[2]) for h in aim.hands) - config.shoulder_above_m)
         speed = self.controller.scale.half_range[:TRUNK]
         if self.phase is Phase.HOLD:
             return np.concatenate((self._drive(snapshot), np.zeros(2)))
-        velocity = limited(config.posture_gain_s * (place - qpos[:2]), float(speed[0]))
+        velocity = limited(config.posture_gain_s * (place - qpos[:2]), config.base_speed_share * float(speed[0]))
+        rest = np.clip(config.posture_gain_s * np.array((turn, height - qpos[3])), -speed[2:], speed[2:])
         if self.phase is Phase.DRIVE:
             velocity = self._drive(snapshot)
-        rest = np.clip(config.posture_gain_s * np.array((turn, height - qpos[3])), -speed[2:], speed[2:])
+            if self._steers:  # around the post, for the hand keeps its place
+                x, y = qpos[:2] - aim.hands[self._hands[0]].position[:2]
+                velocity = velocity + rest[0] * np.array((-y, x))
         return np.concatenate((velocity, rest))
+
+    def _facing(self, snapshot: Snapshot, aim: _Aim) -> float:
+        """Where the base faces: as in its place, but while it goes around not too far away from the chair."""
+        if self.phase is not Phase.CARRY:
+            return aim.heading_rad
+        way = aim.center_xy - snapshot.robot_qpos[0, :2]
+        toward, most = math.atan2(way[1], way[0]), self.config.around_face_rad
+        away = math.remainder(aim.heading_rad - toward, math.tau)
+        return aim.heading_rad if abs(away) <= most else toward + math.copysign(most, away)
 
     def _way_around(self, snapshot: Snapshot, aim: _Aim) -> np.ndarray:
         """(2,) where the base drives next: on a circle around the chair until it is on its side."""
@@ -191,7 +225,9 @@ class PushChairExpert:
     def _drive(self, snapshot: Snapshot) -> np.ndarray:
         """(2,) the chair's velocity: towards the target, slower near it."""
         config, step = self.config, self.config.drive_acceleration_m_s2 * snapshot.step_s
-        wanted = limited(-config.drive_gain_s * snapshot.link_position_w[0, 0, :2], config.drive_speed_m_s)
+        chair = snapshot.link_position_w[0, 0, :2]
+        wanted = limited(-config.drive_gain_s * chair, config.drive_speed_m_s)
+        wanted = curved(wanted, config.curve_rad_m * float(np.linalg.norm(chair)))
         if self.phase is Phase.HOLD:
             wanted = np.zeros(2)
         self._velocity = self._velocity + limited(wanted - self._velocity, step)
@@ -210,9 +246,11 @@ class PushChairExpert:
             wanted = Frame(wanted.position - away * wanted.forward, wanted.rotation)
         elif self.phase is Phase.REACH:
             speed = config.reach_speed_m_s
+        elif self.phase is Phase.RETREAT:
+            wanted = Frame(tool.position - config.standoff_m * tool.forward, wanted.rotation)
         if self.phase in (Phase.DRIVE, Phase.HOLD):
             feed = np.append(self._velocity, 0.0)
-            wanted = _back_to_world(snapshot, self._held[hand])
+            wanted = back_to_world(snapshot, self._held[hand])
         linear = feed + limited(config.position_gain_s * (wanted.position - tool.position), speed)
         turn = config.rotation_gain_s * rotation_error(tool.rotation, wanted.rotation)
         return np.concatenate((linear, limited(turn, config.turn_speed_rad_s)))
@@ -222,6 +260,10 @@ class PushChairExpert:
         assert self._plan is not None
         return self._plan.hands
 
+    @property
+    def _steers(self) -> bool:
+        return len(self._hands) == 1 and self.config.steer_rad_s > 0
+
     def _carry_frame(self, snapshot: Snapshot, aim: _Aim, hand: int) -> Frame:
         x, y, yaw = snapshot.robot_qpos[0, :3]
         forward, aside = self.config.carry_m
@@ -229,26 +271,3 @@ class PushChairExpert:
         position = np.array((x, y, aim.hands[hand].position[2])) + offset
         turned = yaw_rotation(yaw - aim.heading_rad) @ aim.hands[hand].rotation
         return Frame(position, turned)
-
-
-def _seen_from_base(snapshot: Snapshot, hand: int) -> Frame:
-    """Pose of a hand in the base's frame."""
-    x, y, yaw = snapshot.robot_qpos[0, :3]
-    turn = yaw_rotation(-yaw)
-    position = snapshot.tool_position_w[0, hand] - np.array((x, y, 0.0))
-    return Frame(turn @ position, turn @ snapshot.tool_rotation_w[0, hand])
-
-
-def _back_to_world(snapshot: Snapshot, frame: Frame) -> Frame:
-    """The pose whose place in the base's frame is given."""
-    x, y, yaw = snapshot.robot_qpos[0, :3]
-    turn = yaw_rotation(yaw)
-    return Frame(np.array((x, y, 0.0)) + turn @ frame.position, turn @ frame.rotation)
-
-
-def _hand_rotation(yaw_rad: float, pitch_rad: float, hand: int) -> np.ndarray:
-    """(3, 3) of a hand that points somewhat upwards and closes sideways, its last joint far from its limits."""
-    cos, sin = math.cos(pitch_rad), math.sin(pitch_rad)
-    forward = np.array((math.cos(yaw_rad) * cos, math.sin(yaw_rad) * cos, sin))
-    y = np.array((-math.sin(yaw_rad), math.cos(yaw_rad), 0.0)) * (1.0 if hand == LEFT else -1.0)
-    return np.stack((np.cross(y, forward), y, forward), axis=-1)

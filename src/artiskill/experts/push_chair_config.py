@@ -1,8 +1,9 @@
 """Values of the expert of PushChair; they stand in `configs/experts/push_chair.yaml`."""
 
+import math
 from dataclasses import dataclass
 
-from artiskill.config import check, check_positive
+from artiskill.config import check, check_inside, check_not_negative, check_positive
 from artiskill.experts.whole_body import WholeBodyConfig
 
 
@@ -11,9 +12,15 @@ class PushChairExpertConfig:
     """Distances, speeds and gains.
 
     Attributes:
+        side_bias_rad: the side to stand on is chosen as if the robot were so far around the chair,
+            counter-clockwise; 0 for the nearest one.
+        oblique_rad: how far aside of straight ahead a hand alone pushes.
+        grip_height: where on the free part of a post hands grip: -1 lowest, 0 usual, 1 highest.
         base_distance_m: of the base from the middle of what the hands go for.
         around_distance_m: the same while the base drives around the chair.
         around_step_rad: how far ahead on that circle it steers.
+        around_face_rad: on its way around it faces as in its place, but away from the chair by so much at most.
+        base_speed_share: of the base's highest speed, while no hand grips.
         toe_in_rad: how far a hand that grips in front of the robot points inwards.
         pair_toe_in_rad: the same where each hand has a post of its own.
         arm_rad: posture of the right arm, mirrored for the left; elbow and wrist are as low as
@@ -36,9 +43,13 @@ class PushChairExpertConfig:
         aligned_rad: likewise, of its orientation.
         patience_steps: after so many steps twice these errors will do, and so on.
         grip_m: distance to the post's axis below which the fingers close.
+        reach_steps: after so many steps of reaching in vain it tries anew, in its usual manner.
+        stray_m: a reaching hand that is this far aside of its way goes back and tries anew.
         slip_m: distance to the post's axis above which a grip counts as lost.
         grip_steps: environment steps that the fingers get to close.
         drive_speed_m_s: of the chair, at most.
+        curve_rad_m: the chair is driven this far aside of its target, per metre from it: in a curve.
+        steer_rad_s: a robot that grips with one hand goes around the post with the way, so fast at most.
         drive_gain_s: speed per distance from the target.
         drive_acceleration_m_s2: of the chair, at most.
         stop_m: distance to the target at which the chair is held where it is.
@@ -46,9 +57,14 @@ class PushChairExpertConfig:
         whole_body: weights of the inverse kinematics.
     """
 
+    side_bias_rad: float
+    oblique_rad: float
+    grip_height: float
     base_distance_m: float
     around_distance_m: float
     around_step_rad: float
+    around_face_rad: float
+    base_speed_share: float
     toe_in_rad: float
     pair_toe_in_rad: float
     arm_rad: tuple[float, ...]
@@ -70,9 +86,13 @@ class PushChairExpertConfig:
     aligned_rad: float
     patience_steps: int
     grip_m: float
+    reach_steps: int
+    stray_m: float
     slip_m: float
     grip_steps: int
     drive_speed_m_s: float
+    curve_rad_m: float
+    steer_rad_s: float
     drive_gain_s: float
     drive_acceleration_m_s2: float
     stop_m: float
@@ -80,6 +100,10 @@ class PushChairExpertConfig:
     whole_body: WholeBodyConfig
 
     def __post_init__(self) -> None:
+        check_not_negative(self, "steer_rad_s")
+        check_inside("grip_height", self.grip_height, (-1, 1))
+        check_inside("base_speed_share", self.base_speed_share, (0.1, 1))
+        check_inside("around_face_rad", self.around_face_rad, (0, math.pi))
         check_positive(self, "base_distance_m", "drive_speed_m_s", "drive_gain_s", "drive_acceleration_m_s2")
-        check_positive(self, "grip_m", "aligned_m", "aligned_rad", "patience_steps")
+        check_positive(self, "grip_m", "aligned_m", "aligned_rad", "patience_steps", "reach_steps", "stray_m")
         check(self.stop_m < self.leave_m, f"stop_m = {self.stop_m} must be below leave_m = {self.leave_m}")

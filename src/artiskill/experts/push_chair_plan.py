@@ -1,10 +1,12 @@
 """Where the robot takes hold of a chair: which hand grips which post, and from which side."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from artiskill.experts.frames import yaw_rotation
+from artiskill.experts.push_chair_config import PushChairExpertConfig
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.push_chair.goal import PushGoal
 
@@ -12,6 +14,7 @@ LEFT, RIGHT = 1, 0  # the robot's second and first arm
 _LEAST_APART_M = 0.25  # hands on two posts nearer than this would hinder one another
 _MOST_APART_M = 0.6
 _USUAL_COLUMN = np.array([[0.0, 0.0, 0.25]])  # where most chairs have one, for a chair whose posts are not known
+_STEER_FROM_M = 0.25  # nearer to the target than this, where it lies says little about where to push
 _LEAST_OUTWARD = 0.25  # of their distance: how far from the root their middle lies, else they are a diagonal
 
 
@@ -31,31 +34,70 @@ class GripPlan:
     side_rad: float
 
 
-def make_plan(snapshot: Snapshot, goal: PushGoal, toe_in_rad: float) -> GripPlan:
+def make_plan(snapshot: Snapshot, goal: PushGoal, config: PushChairExpertConfig) -> GripPlan:
     """The best hold from where the robot is: two posts of one side of the chair, else a single post (B = 1).
 
     A hand alone pushes best straight ahead, as sideways a finger yields sooner: the robot then stands so that this
     hand, turned inwards by `toe_in_rad`, points to where the chair shall go.
     """
-    count = int(goal.grip_count[0])
-    posts = goal.grip_points[0, :count] if count else _USUAL_COLUMN
     rotation = snapshot.link_rotation_w[0, 0]
-    yaw = math.atan2(rotation[1, 0], rotation[0, 0])
     robot = rotation.T @ (np.append(snapshot.robot_qpos[0, :2], 0.0) - snapshot.link_position_w[0, 0])
+    robot = yaw_rotation(config.side_bias_rad) @ robot
+    posts = _posts(goal, config.grip_height)
     sides = _sides(posts)
     if not sides:
-        post = posts[np.argmin(np.linalg.norm(posts[:, :2] - robot[:2], axis=1))]
-        way = snapshot.link_position_w[0, 0, :2]  # the target is at the origin: this points against the way to go
-        backward = math.atan2(way[1], way[0])
-        aside = math.remainder(backward - math.atan2(robot[1] - post[1], robot[0] - post[0]) - yaw, math.tau)
-        hand, turn = (RIGHT, -toe_in_rad) if aside > 0 else (LEFT, toe_in_rad)
-        return GripPlan(np.stack((post, post)), (hand,), backward + turn)
+        return _single(snapshot, posts, robot, config)
     toward = math.atan2(robot[1], robot[0])
     side, first, second = min(sides, key=lambda s: abs(math.remainder(s[0] - toward, math.tau)))
     # seen by a robot that stands at that side and faces the chair, left is where this points
     leftward = np.array((math.sin(side), -math.cos(side)))
     ends = (first, second) if (first - second)[:2] @ leftward < 0 else (second, first)
     return GripPlan(np.stack(ends), (RIGHT, LEFT), side)
+
+
+def _single(snapshot: Snapshot, posts: np.ndarray, robot: np.ndarray, config: PushChairExpertConfig) -> GripPlan:
+    """One hand at the post that is nearest to the robot, which is at (3,) in the chair's frame."""
+    rotation = snapshot.link_rotation_w[0, 0]
+    yaw = math.atan2(rotation[1, 0], rotation[0, 0])
+    post = posts[np.argmin(np.linalg.norm(posts[:, :2] - robot[:2], axis=1))]
+    way = snapshot.link_position_w[0, 0, :2]  # the target is at the origin: this points against the way to go
+    backward = _backward(way, config)
+    aside = math.remainder(backward - math.atan2(robot[1] - post[1], robot[0] - post[0]) - yaw, math.tau)
+    hand = RIGHT if aside > 0 else LEFT
+    return GripPlan(np.stack((post, post)), (hand,), backward + _turn(hand, config))
+
+
+def _backward(chair_xy: np.ndarray, config: PushChairExpertConfig) -> float:
+    """Against the way that a chair goes which is here, an angle in the world; the target is at the origin."""
+    away = math.hypot(chair_xy[0], chair_xy[1])
+    return math.atan2(chair_xy[1], chair_xy[0]) + config.oblique_rad + config.curve_rad_m * away
+
+
+def _turn(hand: int, config: PushChairExpertConfig) -> float:
+    """How far aside of this a robot stands whose hand, turned inwards, pushes alone."""
+    return -config.toe_in_rad if hand == RIGHT else config.toe_in_rad
+
+
+def steered(plan: GripPlan, snapshot: Snapshot, config: PushChairExpertConfig) -> GripPlan:
+    """A plan of one hand, one step on: the robot goes around the post, so that this hand pushes straight ahead."""
+    chair = snapshot.link_position_w[0, 0, :2]
+    if math.hypot(chair[0], chair[1]) < _STEER_FROM_M:
+        return plan
+    wanted = _backward(chair, config) + _turn(plan.hands[0], config)
+    most = config.steer_rad_s * snapshot.step_s
+    change = math.remainder(wanted - plan.side_rad, math.tau)
+    return replace(plan, side_rad=plan.side_rad + min(max(change, -most), most))
+
+
+def _posts(goal: PushGoal, grip_height: float) -> np.ndarray:
+    """(G, 3) where hands grip the chair's posts, in its root's frame."""
+    count = int(goal.grip_count[0])
+    if not count:
+        return _USUAL_COLUMN
+    usual = goal.grip_points[0, :count]
+    ends = goal.grip_ends[0, :count, 1 if grip_height > 0 else 0]
+    posts: np.ndarray = usual + abs(grip_height) * (ends - usual)
+    return posts
 
 
 def _sides(posts: np.ndarray) -> list[tuple[float, np.ndarray, np.ndarray]]:

@@ -16,6 +16,7 @@ _SHORTEST_M = 0.05  # free part of a post
 _LEAST_UPRIGHT = math.cos(0.4)
 _HANDS_WAY_M = 0.15  # what stands this near to a post blocks its height for a hand
 _UPWARDS = 0.6  # of the free part: a hand is thicker than its fingers and tilted, what is below hinders it first
+_BELOW_HAND_M, _ABOVE_HAND_M = 0.03, 0.075  # what a hand needs: below for itself, above for its wrist and tilt
 _HEIGHTS_M = (0.08, 0.5)  # where a hand can grip
 
 
@@ -47,26 +48,37 @@ class _Solid:
         return self.center + self.axis * ((height - self.center[2]) / self.axis[2])
 
 
-@lru_cache(maxsize=256)
-def grip_points(obj: ArticulatedObject) -> tuple[np.ndarray, int]:
-    """Where hands can grip the posts of a chair.
+@dataclass(frozen=True, eq=False)
+class GripPlaces:
+    """Where hands can grip the posts of a chair, on the posts' axes in the root's frame.
 
-    Returns:
-        (POSTS, 3) points on the posts' axes in the root's frame, zero where there are fewer, and their number.
+    Attributes:
+        points: (POSTS, 3) the best place of each post; zero where there are fewer posts.
+        ends: (POSTS, 2, 3) its lowest and its highest place.
+        count: how many posts there are.
     """
+
+    points: np.ndarray
+    ends: np.ndarray
+    count: int
+
+
+@lru_cache(maxsize=256)
+def grip_places(obj: ArticulatedObject) -> GripPlaces:
+    """Where hands can grip the posts of a chair."""
     solids = _solids(obj)
     found: list[np.ndarray] = []
     for post in sorted((s for s in solids if s.fixed and s.is_post), key=lambda s: -float(s.half[2])):
-        point = _grip(post, solids)
-        if point is not None and len(found) < POSTS and not _near_any(point, found):
-            found.append(point)
-    slots = np.zeros((POSTS, 3))
-    slots[: len(found)] = np.reshape(found, (-1, 3))
-    return slots, len(found)
+        places = _grip(post, solids)
+        if places is not None and len(found) < POSTS and not _near_any(places[0], found):
+            found.append(places)
+    slots = np.zeros((POSTS, 3, 3))
+    slots[: len(found)] = np.reshape(found, (-1, 3, 3))
+    return GripPlaces(slots[:, 0], slots[:, 1:], len(found))
 
 
 def _near_any(point: np.ndarray, others: list[np.ndarray]) -> bool:
-    return any(math.dist(point[:2], other[:2]) < _THICKEST_M for other in others)
+    return any(math.dist(point[:2], other[0, :2]) < _THICKEST_M for other in others)
 
 
 def _solids(obj: ArticulatedObject) -> list[_Solid]:
@@ -98,7 +110,7 @@ def _solid(shape: CollisionShape, position: np.ndarray, rotation: np.ndarray, fi
 
 
 def _grip(post: _Solid, solids: list[_Solid]) -> np.ndarray | None:
-    """A point of the longest part of a post that a hand reaches; None where it is too short."""
+    """(3, 3) the best, lowest and highest place on a post's longest free part; None where that is too short."""
     same = [s for s in solids if s.is_post and math.dist(s.center[:2], post.center[:2]) < _THICKEST_M / 2]
     low = max(_HEIGHTS_M[0], min(s.span[0] for s in same))
     high = min(_HEIGHTS_M[1], max(s.span[1] for s in same))
@@ -109,7 +121,11 @@ def _grip(post: _Solid, solids: list[_Solid]) -> np.ndarray | None:
             best = (start, min(bottom, high))
         start = max(start, top)
     free = best[1] - best[0]
-    return None if free < _SHORTEST_M else post.at(best[0] + _UPWARDS * free)
+    if free < _SHORTEST_M:
+        return None
+    usual = best[0] + _UPWARDS * free
+    lowest, highest = min(usual, best[0] + _BELOW_HAND_M), max(usual, best[1] - _ABOVE_HAND_M)
+    return np.stack([post.at(height) for height in (usual, lowest, highest)])
 
 
 def _blocks(solid: _Solid, post: _Solid) -> bool:
