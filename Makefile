@@ -10,7 +10,7 @@ bootstrap = @$(PYTHON) tools/bootstrap.py --venv $(VENV)
 python = $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-dev demo test test-slow test-rl test-lerobot lint types format bench clean clean-env
+.PHONY: help setup setup-dev demo test test-slow test-rl test-lerobot test-ray lint types format bench clean clean-env
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
@@ -49,6 +49,11 @@ test-lerobot: ## let LeRobot read what is exported for it, in .venv-lerobot
 		deepdiff einops pandas opencv-python-headless termcolor accelerate
 	$(python) -m pytest tests/demos/test_lerobot_library.py -m slow
 
+test-ray: VENV = .venv-ray
+test-ray: ## run the tests that need a Ray cluster, of two nodes here, in .venv-ray
+	$(bootstrap) distributed test
+	$(python) -m pytest tests/jobs tests/demos/test_collect_ray.py -m "slow or not slow" -k ray
+
 lint: ## check style and layout
 	$(bootstrap) dev
 	$(python) -m ruff check .
@@ -72,4 +77,4 @@ clean: ## remove results and caches
 	find src tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
 
 clean-env: ## remove the environments too
-	rm -rf $(VENV) .venv-rl .venv-lerobot
+	rm -rf $(VENV) .venv-rl .venv-lerobot .venv-ray

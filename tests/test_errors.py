@@ -39,6 +39,7 @@ def test_long_lists_are_shortened() -> None:
         (errors.ActionError, ValueError),
         (errors.StateError, ValueError),
         (errors.PolicyError, RuntimeError),
+        (errors.ClusterError, RuntimeError),
         (errors.ResetNeededError, RuntimeError),
         (errors.MissingExtraError, ImportError),
     ],

@@ -1,4 +1,5 @@
 import json
+import shutil
 import sys
 from pathlib import Path
 
@@ -31,6 +32,9 @@ def test_collect_verify_stats(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         in capsys.readouterr().out
     )
     assert json.loads(numbers.read_text())[0]["objects"][0]["successes"] == 3
+
+    assert main([*collect, "--plain"]) == 2
+    assert "other settings (variety true there, false here" in capsys.readouterr().err
 
     with (out / "cabinet-0026.h5").open("ab") as file:
         file.write(b"x")
@@ -71,6 +75,25 @@ def test_replay_export_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[st
     command = ["demos", "pictures", str(pack.folder), "--object", name, "--out", picture, "--count", "1"]
     assert main([*command, "--moments", "2", "--width", "40"]) == 0
     assert capsys.readouterr().out == f"{picture}: {name}, demonstrations 0\n"
+
+
+def test_a_half_collected_folder_is_called_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, pack = tmp_path / "drawers", load_demo_pack("OpenCabinetDrawer")
+    shutil.copytree(pack.folder, out)
+    staged = out / ".unfinished" / "cabinet-0001"
+    staged.mkdir(parents=True)
+    line = f"{out} is not finished: 1 object is still being collected"
+    replay = ["replay", str(out), "--out", str(tmp_path / "t"), "--obs-mode", "state", "--restore", "--count", "1"]
+    for command in (["verify", str(out)], ["stats", str(out)], replay):
+        workers = [] if command[0] == "stats" else ["--workers", "1"]
+        assert main(["demos", *command, *workers]) == 0
+        shown = capsys.readouterr().out
+        assert line in shown
+    row = next(text for text in shown.splitlines() if pack.objects[0] in text)
+    assert row.split()[1:4] == ["1", "1", "-"]  # restored: most of its states are rounded
+    staged.rmdir()
+    assert main(["demos", "stats", str(out)]) == 0
+    assert "not finished" not in capsys.readouterr().out
 
 
 def test_an_object_that_no_expert_solves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -56,3 +56,28 @@ def test_what_was_there_before_is_shown_on_a_terminal(monkeypatch: pytest.Monkey
         progress.attempt(True)
     assert "8/9" in terminal.getvalue()
     assert "50% solved" in terminal.getvalue()
+
+
+def test_a_line_now_and_then_although_nothing_is_solved(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = 0.0
+    monkeypatch.setattr("time.perf_counter", lambda: now)
+    with Progress("title", 300, "trajectories") as progress:
+        for _ in range(25):
+            now += 10.0
+            progress.attempt(False)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == ["title: 0/300 trajectories, 0% solved, 0.0/s"] * 3
+
+
+def test_lines_between(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    with Progress("title", 9, "levels") as progress:
+        progress.say("level 0 [solved]")
+    assert capsys.readouterr() == ("", "level 0 [solved]\n")
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("TERM", "xterm")
+    with Progress("title", 9, "levels") as progress:
+        progress.say("level 0 [solved]")
+    assert "level 0 [solved]" in terminal.getvalue()

@@ -1,3 +1,6 @@
+import dataclasses
+import json
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -8,14 +11,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from artiskill.assets.catalog import load_object
+from artiskill.demos import plan as planning
+from artiskill.demos.attempts import Attempt
 from artiskill.demos.collect import collect
 from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.demos import Demos
-from artiskill.demos.manifest import read_manifest
+from artiskill.demos.manifest import read_manifest, write_manifest
 from artiskill.demos.plan import Plan
-from artiskill.demos.staging import STAGING_FOLDER
+from artiskill.demos.staging import Staging
+from artiskill.demos.unfinished import UNFINISHED
 from artiskill.demos.verify import verify
-from artiskill.errors import ConfigError, DemoError, UnknownNameError
+from artiskill.errors import ConfigError, DemoError, PolicyError, UnknownNameError
 from artiskill.jobs.reservation import reserved
 
 from .conftest import PER_OBJECT, contents
@@ -64,7 +71,7 @@ def test_what_is_collected(drawers: Path) -> None:
         levels = [(trajectory.target, trajectory.level) for trajectory in file]
     first, second = (target for target, _, _ in targets)
     assert levels == [(first, 0), (first, 2), (second, 1)]
-    assert not (drawers / STAGING_FOLDER).exists()
+    assert not (drawers / UNFINISHED).exists()
     with pytest.raises(UnknownNameError, match="did you mean 'cabinet-0026'"):
         demos.open("cabinet-26")
 
@@ -80,7 +87,7 @@ def test_a_killed_collection_goes_on(
 ) -> None:
     folder = tmp_path / "killed"
     assert collector(root, folder, workers, "kill").returncode == -signal.SIGKILL
-    assert list((folder / STAGING_FOLDER).rglob("*.npz")) or list(folder.glob("*.h5"))
+    assert list((folder / UNFINISHED).rglob("*.npz")) or list(folder.glob("*.h5"))
     attempts = []
     collect(plan(), folder, 3 - workers, attempts.append)
     assert contents(folder) == contents(drawers)
@@ -98,10 +105,10 @@ def test_nothing_is_made_twice(own_drawers: Path, plan: MakePlan) -> None:
 def test_a_killed_end_is_made_up_for(own_drawers: Path, plan: MakePlan, drawers: Path) -> None:
     """Killed after the file was written and before the manifest, with half a file left over."""
     lost = plan(objects=["cabinet-0002"])
-    (own_drawers / "manifest.json").unlink()
+    write_manifest(dataclasses.replace(read_manifest(own_drawers), files={}), own_drawers)
     (own_drawers / ".part-abc.h5").write_bytes(b"half")
-    (own_drawers / STAGING_FOLDER / "cabinet-0026").mkdir(parents=True)
-    (own_drawers / STAGING_FOLDER / "cabinet-0026" / "link_1.0.npz").write_bytes(b"half")
+    (own_drawers / UNFINISHED / "cabinet-0026").mkdir(parents=True)
+    (own_drawers / UNFINISHED / "cabinet-0026" / "link_1.0.npz").write_bytes(b"half")
     collect(lost, own_drawers)
     collect(plan(), own_drawers)
     assert contents(own_drawers) == contents(drawers)
@@ -118,6 +125,26 @@ def test_other_settings_need_another_folder(own_drawers: Path, plan: MakePlan) -
         collect(plan(per_object=4), own_drawers)
     with pytest.raises(DemoError, match=r"config\.episode_steps 200 there, 150 here"):
         collect(plan(config={"episode_steps": 150}), own_drawers)
+    with pytest.raises(DemoError, match=r"variety true there, false here; expert\.config_hash "):
+        collect(plan(variety=False), own_drawers)
+
+
+def test_what_varies_is_part_of_the_settings(plan: MakePlan, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = plan().settings.expert
+    variation = planning.load_variation("OpenCabinetDrawer")
+    calm = dataclasses.replace(variation, disturbance=dataclasses.replace(variation.disturbance, base_m=0.0))
+    for changed in (calm, dataclasses.replace(variation, ranges={})):
+        monkeypatch.setattr(planning, "load_variation", lambda task, changed=changed: changed)
+        assert plan().settings.expert.config_hash != before.config_hash
+    assert plan(variety=False).settings.expert.config_hash != before.config_hash
+
+
+def test_without_variety_nothing_is_disturbed(plan: MakePlan, drawers: Path, tmp_path: Path) -> None:
+    collect(plan(objects=["cabinet-0002"], per_object=1, variety=False), tmp_path)
+    with DemoFile(tmp_path / "cabinet-0002.h5") as plain, DemoFile(drawers / "cabinet-0002.h5") as varied:
+        assert not plain.trajectory(0).disturbed.any()
+        assert varied.trajectory(0).disturbed.any()
+    assert not verify(tmp_path)[0].faults
 
 
 def test_another_object_of_the_same_name_is_refused(own_drawers: Path, plan: MakePlan) -> None:
@@ -145,7 +172,7 @@ def test_one_collector_at_a_time(own_drawers: Path, plan: MakePlan) -> None:
     before = contents(own_drawers)
     with (
         reserved(own_drawers, "collector"),
-        pytest.raises(ConfigError, match=rf"another collector \(process {os.getpid()}\) writes to"),
+        pytest.raises(ConfigError, match=rf"another collector or replay \(process {os.getpid()}\) writes to"),
     ):
         collect(plan(), own_drawers)
     assert contents(own_drawers) == before
@@ -194,6 +221,8 @@ def test_chosen_targets(plan: MakePlan, drawers: Path, tmp_path: Path) -> None:
         np.testing.assert_array_equal(ours.actions, theirs.actions)
     with pytest.raises(UnknownNameError, match="target link 'link_99'"):
         plan(targets=["link_99"])
+    with pytest.raises(UnknownNameError, match=f"target link '{chosen}0'; did you mean '{chosen}'"):
+        plan(objects=["cabinet-0026"], targets=[chosen, f"{chosen}0"])
 
 
 @pytest.mark.parametrize("most_bytes", [20_000, 30_000])
@@ -209,6 +238,145 @@ def test_a_full_disk_damages_nothing(
     assert not list(folder.rglob(".part-*"))
     collect(plan(), folder)
     assert contents(folder) == contents(drawers)
+
+
+def test_every_target_can_have_as_many(plan: MakePlan) -> None:
+    made = plan(objects=["cabinet-0012", "cabinet-0002"], per_object=None, per_target=4)
+    for one in made.objects:
+        assert [stream.wanted for stream in made.streams(one)] == [4] * len(one.targets)
+        assert made.wanted(one) == 4 * len(one.targets)
+    assert len({len(one.targets) for one in made.objects}) == 2
+    with pytest.raises(ConfigError, match="per object or per target, not both"):
+        plan(per_object=3, per_target=4)
+    with pytest.raises(ConfigError, match="trajectories per target must be a whole number of at least 1, not 0"):
+        plan(per_object=None, per_target=0)
+    assert plan(per_object=None).settings.per_object == 300
+
+
+class Stop(Exception):  # noqa: N818 - no error
+    """Ends a collection."""
+
+
+def begin(made: Plan, folder: Path, attempts: int) -> None:
+    """Collect, and stop after so many attempts."""
+    heard = []
+
+    def on_attempt(attempt: object) -> None:
+        heard.append(attempt)
+        if len(heard) == attempts:
+            raise Stop
+
+    with pytest.raises(Stop):
+        collect(made, folder, on_attempt=on_attempt)
+
+
+def test_a_lost_manifest_is_no_licence(own_drawers: Path, plan: MakePlan, tmp_path: Path) -> None:
+    """Neither finished files nor staged attempts go over to a plan that may be another one."""
+    (own_drawers / "manifest.json").unlink()
+    begin(plan(), tmp_path / "begun", 2)
+    (tmp_path / "begun" / "manifest.json").unlink()
+    for folder, named in ((own_drawers, "cabinet-0002.h5, cabinet-0026.h5"), (tmp_path / "begun", ".unfinished")):
+        before = contents(folder)
+        with pytest.raises(DemoError, match=rf"has demonstrations \({named}\), but its manifest.json is missing"):
+            collect(plan(per_object=1), folder)
+        assert contents(folder) == before
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("settings_hash", "attempts made with other settings: their hash was 0000, now it is [0-9a-f]{16};"),
+        ("content_hash", "attempts made with another 'cabinet-0002': its content hash was 0000, now it is"),
+    ],
+)
+def test_attempts_of_others_are_refused(plan: MakePlan, tmp_path: Path, change: str, message: str) -> None:
+    begin(plan(), tmp_path, 2)
+    restage(tmp_path, **{change: "0000"})
+    with pytest.raises(DemoError, match=message):
+        collect(plan(), tmp_path)
+
+
+def restage(folder: Path, **changes: object) -> None:
+    """Change what a staged attempt says about itself."""
+    path = sorted((folder / UNFINISHED / "cabinet-0002").glob("*.npz"))[0]
+    with np.load(path) as file:
+        arrays = dict(file)
+    arrays["about"] = np.array(json.dumps(json.loads(str(arrays["about"])) | changes))
+    np.savez(path, **arrays)
+
+
+def test_two_objects_of_one_name_do_not_mix(plan: MakePlan, tmp_path: Path) -> None:
+    """An imported object that was changed between two runs keeps its id."""
+    mine = dataclasses.replace(load_object("cabinet-0002"), id="mine")
+    changed = dataclasses.replace(mine, metadata=dict(mine.metadata) | {"edition": 2})
+    begin(plan(objects=[mine]), tmp_path, 2)
+    with pytest.raises(DemoError, match=r"mine' holds attempts made with another 'mine': its content hash was"):
+        collect(plan(objects=[changed]), tmp_path)
+    assert collect(plan(objects=[mine]), tmp_path).files["mine.h5"].content_hash == mine.content_hash
+
+
+def test_a_spoilt_attempt_is_made_again(plan: MakePlan, drawers: Path, tmp_path: Path) -> None:
+    """Spoilt before the next run, or between an attempt and the end of its object."""
+    spoilt = []
+
+    def spoil(attempt: object) -> None:
+        if not spoilt:
+            spoilt.extend((tmp_path / UNFINISHED / "cabinet-0002").glob("*.npz"))
+            spoilt[0].write_bytes(spoilt[0].read_bytes()[:100])
+
+    with pytest.raises(DemoError, match=r"1 of 3 attempts at 'cabinet-0002' were damaged.*makes them again"):
+        collect(plan(), tmp_path, on_attempt=spoil)
+    collect(plan(), tmp_path)
+    assert contents(tmp_path) == contents(drawers)
+
+
+def test_whatever_is_wrong_with_a_staged_file_it_was_never_made(drawers: Path, tmp_path: Path) -> None:
+    staging = Staging(tmp_path, "settings")
+    with DemoFile(drawers / "cabinet-0002.h5") as file:
+        first = file[0]
+    attempt = Attempt("cabinet-0002", first.target, first.level, True, len(first), "", first.recording)
+    staging.save(attempt, "object")
+    (path,) = (tmp_path / UNFINISHED).rglob("*.npz")
+    whole, rng = path.read_bytes(), np.random.default_rng(0)
+    (found,) = staging.load("cabinet-0002", "object")
+    np.testing.assert_array_equal(found.recording.states, first.recording.states)
+    for k in range(900):
+        data = bytearray(whole)
+        if k % 4 == 0:
+            data = data[: rng.integers(len(data))]
+        else:  # anywhere, in the first header, or in the directory at the end
+            where = (int(rng.integers(len(data))), int(rng.integers(900)), len(data) - 1 - int(rng.integers(900)))
+            data[where[k % 4 - 1]] ^= 1 << int(rng.integers(8))
+        path.write_bytes(data)
+        for one in staging.load("cabinet-0002", "object"):
+            assert one.recording is not None
+            told = (one.target, one.level, one.success, one.steps)
+            assert told == (first.target, first.level, True, len(first))
+            np.testing.assert_array_equal(one.recording.actions, first.actions)
+
+
+def test_levels_that_there_are_not(plan: MakePlan, tmp_path: Path) -> None:
+    with pytest.raises(
+        ConfigError, match=r"5 trajectories of 'cabinet-0002', .*2147483645 to 2147483649; the last"
+    ):
+        plan(objects=["cabinet-0002"], per_object=5, first_level=2147483645)
+    last = plan(objects=["cabinet-0002"], per_object=3, first_level=2147483645, config={"episode_steps": 5})
+    (entry,) = collect(last, tmp_path).files.values()
+    assert [(c.attempts, c.successes, c.gave_up) for c in entry.targets] == [(3, 0, True)]
+    assert not verify(tmp_path)[0].faults
+
+
+def test_a_killed_worker_is_no_end(plan: MakePlan, drawers: Path, tmp_path: Path) -> None:
+    def kill(attempt: object) -> None:
+        for child in multiprocessing.active_children():
+            child.kill()
+
+    with pytest.raises(
+        PolicyError, match=r"killed by signal 9.*all that was made before is kept: the same command"
+    ):
+        collect(plan(), tmp_path, 2, on_attempt=kill)
+    collect(plan(), tmp_path)
+    assert contents(tmp_path) == contents(drawers)
 
 
 def test_bad_numbers(plan: MakePlan, tmp_path: Path) -> None:

@@ -39,6 +39,8 @@ def test_what_a_file_says(path: Path) -> None:
         steps = len(trajectory)
         assert trajectory.actions.shape == (steps, 13)
         assert trajectory.actions.dtype == np.float32
+        assert trajectory.disturbed.shape == (steps,)
+        assert trajectory.disturbed.dtype == np.bool_
         assert trajectory.recording.flags.shape == (steps, len(header.flag_names))
         assert trajectory.recording.digests.shape == (steps + 1,)
         assert trajectory.states["robot_qpos"].shape == (steps + 1, 13)
@@ -46,13 +48,31 @@ def test_what_a_file_says(path: Path) -> None:
             file.trajectory(3)
 
 
+def test_a_file_is_a_sequence(path: Path) -> None:
+    with DemoFile(path) as file:
+        levels = [trajectory.level for trajectory in file]
+        assert [file[k].level for k in (0, 1, 2, -3, -2, -1)] == levels * 2
+        for k in (3, -4):
+            with pytest.raises(IndexError, match="has the trajectories 0 to 2"):
+                file[k]
+        with pytest.raises(TypeError):
+            file["0"]  # type: ignore[index]
+
+
+def test_a_trajectory_in_one_line(path: Path) -> None:
+    with DemoFile(path) as file:
+        first = file[0]
+    said = "cabinet-0002.h5, trajectory 0: link_0, level 0"
+    assert repr(first) == f"Trajectory({said}, {len(first)} steps, solved)"
+
+
 def test_plain_hdf5_readers_find_their_way(path: Path) -> None:
     """The documented layout, without our reader."""
     with load_h5py().File(path, "r") as file:
         assert file.attrs["format"] == "artiskill-demonstrations"
-        assert file.attrs["schema_version"] == 1
+        assert file.attrs["schema_version"] == 2
         group = file["traj_0"]
-        assert set(group) == {"actions", "rewards", "flags", "digests", "states", "key_frames"}
+        assert set(group) == {"actions", "disturbed", "rewards", "flags", "digests", "states", "key_frames"}
         assert set(group.attrs) == {"target", "level", "success"}
 
 

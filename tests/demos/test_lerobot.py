@@ -1,7 +1,9 @@
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from artiskill.demos.export.lerobot_features import action_names
 from artiskill.demos.export.lerobot_stats import add_up, numbers_stats, pictures_stats
 from artiskill.demos.replay.training_file import TrainingFile
 from artiskill.envs.control import JOINT, OPERATIONAL
-from artiskill.errors import DemoError, MissingExtraError
+from artiskill.errors import ConfigError, DemoError, MissingExtraError
 
 parquet = pytest.importorskip("pyarrow.parquet")
 
@@ -46,6 +48,7 @@ def test_columns_and_episodes(tmp_path: Path) -> None:
             for name in ("xyz", "rgb", "seg"):
                 cloud = part[f"observation.pointcloud.{name}"].to_pylist()
                 np.testing.assert_array_equal(cloud, found(number, f"obs/pointcloud/{name}")[:-1])
+            np.testing.assert_array_equal(part["disturbed"].to_pylist(), found(number, "disturbed"))
             np.testing.assert_array_equal(part["next.success"].to_pylist(), found(number, "success"))
             assert part["next.done"].to_pylist() == [False] * (count - 1) + [True]
             assert (episode["object"], episode["level"]) == (file.object, file.groups[number].attrs["level"])
@@ -106,6 +109,46 @@ def test_stats() -> None:
 def test_names_of_actions() -> None:
     assert len(action_names(JOINT, 1)) == len(set(action_names(OPERATIONAL, 1))) == 13
     assert len(set(action_names(JOINT, 2))) == 22
+
+
+def test_videos_meet_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ffmpeg ends, and leaves a broken pipe; or it cannot write the file's end, and nobody hears of it."""
+    imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    training = training_files(tmp_path / "t", "rgbd", 1)
+
+    def breaking(*_: object, **__: object) -> Iterator[None]:
+        yield
+        raise OSError("[Errno 32] Broken pipe\n\nFFMPEG COMMAND:\n...")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(imageio_ffmpeg, "write_frames", breaking)
+        with pytest.raises(DemoError, match=r"cannot write .*ffmpeg could not write 'file-000.mp4'"):
+            export_lerobot(training, tmp_path, "x")
+        patched.setattr("shutil.disk_usage", lambda path: SimpleNamespace(free=4096))
+        with pytest.raises(DemoError, match=r"cannot write .*: No space left on device"):
+            export_lerobot(training, tmp_path, "x")
+    with monkeypatch.context() as patched:
+        patched.setattr(imageio_ffmpeg, "count_frames_and_secs", lambda path: (3, 0.15))
+        with pytest.raises(DemoError, match=r"ffmpeg could not write 'file-000.mp4'"):
+            export_lerobot(training, tmp_path, "x")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["t"]
+
+
+@pytest.mark.parametrize("name", ["../x", "/tmp/x", "a/../../x", "", ".", "a//b", "x/"])
+def test_names_stay_at_home(name: str, tmp_path: Path) -> None:
+    training = training_files(tmp_path / "t", "state", 1)
+    with pytest.raises(ConfigError, match="an id of LeRobot looks like artiskill/doors, not"):
+        export_lerobot(training, tmp_path / "home", name)
+    assert not (tmp_path / "home").exists()
+
+
+def test_damaged_training_files_are_not_exported(tmp_path: Path) -> None:
+    training = training_files(tmp_path / "t", "state", 1)
+    path = next(training.folder.glob("*.h5"))
+    path.write_bytes(path.read_bytes()[:-1] + b"x")
+    with pytest.raises(DemoError, match="was changed or damaged: remove it and replay again"):
+        export_lerobot(training, tmp_path / "home")
+    assert not list((tmp_path / "home").rglob("*.parquet"))
 
 
 def test_bad_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

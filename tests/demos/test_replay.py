@@ -13,9 +13,11 @@ from artiskill.demos.demos import Demos
 from artiskill.demos.hdf5 import load_h5py
 from artiskill.demos.manifest import read_manifest
 from artiskill.demos.replay import replay as replaying
+from artiskill.demos.replay.manifest import TrainingManifest, write_training_manifest
 from artiskill.demos.replay.replay import replay
 from artiskill.demos.replay.settings import ReplaySettings, make_sampling
 from artiskill.demos.replay.training_file import TrainingFile, TrainingFiles
+from artiskill.demos.unfinished import UNFINISHED
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.wrappers import PointCloudDownsample
 from artiskill.errors import ConfigError, DemoError, UnknownNameError
@@ -76,6 +78,8 @@ def test_what_is_in_a_file(drawers: Path, clouds: Path) -> None:
                 assert terminated == info["success"] == group["dones"][step] == group["success"][step]
             assert terminated
             np.testing.assert_array_equal(file.array(number, "actions"), trajectory.actions)
+            np.testing.assert_array_equal(file.array(number, "disturbed"), trajectory.disturbed)
+            assert 0 < trajectory.disturbed.sum() < len(trajectory) / 3
             for name in ("xyz", "rgb", "seg"):
                 found = file.array(number, f"obs/pointcloud/{name}")
                 wanted = np.stack([one["pointcloud"][name] for one in seen])
@@ -123,10 +127,12 @@ def test_it_goes_on_where_it_was_killed(drawers: Path, tmp_path: Path, monkeypat
 
 
 def test_restored_states_are_near_the_simulated_ones(drawers: Path, clouds: Path, tmp_path: Path) -> None:
-    replay(drawers, tmp_path / "r", settings_for(drawers, way="restore"), objects=["cabinet-0026"])
+    settings = settings_for(drawers, way="restore")
+    (entry,) = replay(drawers, tmp_path / "r", settings, objects=["cabinet-0026"]).files.values()
+    assert (entry.counts.replayed, entry.counts.solved, entry.counts.exact) == (3, 3, 0)  # most states are rounded
     with TrainingFile(clouds / "cabinet-0026.h5") as one, TrainingFile(tmp_path / "r/cabinet-0026.h5") as other:
         for number in range(3):
-            for name in ("actions", "rewards", "dones", "success"):
+            for name in ("actions", "disturbed", "rewards", "dones", "success"):
                 np.testing.assert_array_equal(one.array(number, name), other.array(number, name))
             ours, theirs = one.array(number, "obs/agent"), other.array(number, "obs/agent")
             np.testing.assert_allclose(ours, theirs, atol=4e-3)
@@ -134,6 +140,22 @@ def test_restored_states_are_near_the_simulated_ones(drawers: Path, clouds: Path
             np.testing.assert_array_equal(clouds_of[0][::30], clouds_of[1][::30])  # the states there are exact
             near = np.abs(clouds_of[0] - clouds_of[1]).max(axis=2) < 2e-3
             assert near.mean() > 0.9  # at edges, another surface may be seen
+
+
+def test_restored_ones_are_exact_where_all_states_are(plan: Any, tmp_path: Path) -> None:
+    from artiskill.demos.collect import collect
+
+    every = load_demos_config({"store.key_frame_steps": 1})
+    collect(plan(objects=["cabinet-0002"], per_object=1, demos_config=every), tmp_path / "demos")
+    state = {"obs_mode": "state", "sampling": None, "seen": {}}
+    for way in ("simulate", "restore"):
+        settings = settings_for(tmp_path / "demos", **state, way=way)
+        (entry,) = replay(tmp_path / "demos", tmp_path / way, settings).files.values()
+        assert entry.counts.exact == 1
+    found = [TrainingFile(tmp_path / way / "cabinet-0002.h5") for way in ("simulate", "restore")]
+    np.testing.assert_array_equal(*(file.array(0, "obs/state") for file in found))
+    for file in found:
+        file.close()
 
 
 def test_another_control_mode(drawers: Path, tmp_path: Path) -> None:
@@ -275,7 +297,7 @@ def relist(folder: Path) -> None:
         (truncate, "is not the file that the manifest lists"),
         (other_catalogue, "was made with another 'cabinet-0002'"),
         (foreign, "holds no demonstrations of artiskill"),
-        (other_schema, "has schema version 7; this version of artiskill reads 1"),
+        (other_schema, "has schema version 7; this version of artiskill reads 2"),
     ],
 )
 def test_bad_demonstrations(
@@ -302,7 +324,7 @@ def test_bad_folders(drawers: Path, clouds: Path, tmp_path: Path) -> None:
         TrainingFiles(drawers.parent)
     with pytest.raises(DemoError, match="holds no training files of artiskill"):
         TrainingFiles(drawers)
-    with reserved(tmp_path / "x", "replay"), pytest.raises(ConfigError, match="another replay"):
+    with reserved(tmp_path / "x", "replay"), pytest.raises(ConfigError, match="another collector or replay"):
         replay(drawers, tmp_path / "x", settings)
 
 
@@ -322,6 +344,117 @@ def test_what_was_begun_otherwise(drawers: Path, clouds: Path, tmp_path: Path, p
     (own / "cabinet-0002.h5").unlink()
     replay(drawers, own, settings_for(drawers))
     assert contents(own) == contents(clouds)
+
+
+STATE = {"obs_mode": "state", "sampling": None, "seen": {}, "way": "restore"}
+
+
+def begun(drawers: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A replay that was killed after its first block of one trajectory; the block's file."""
+    monkeypatch.setattr(replaying, "_BLOCK_TRAJECTORIES", 1)
+    told: list[object] = []
+
+    def die(news: object) -> None:
+        told.append(news)
+        if len(told) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        replay(drawers, folder, settings_for(drawers, **STATE), on_replayed=die)
+    (part,) = (folder / UNFINISHED).rglob("*.h5")
+    return part
+
+
+def missing_of(drawers: Path, folder: Path, **changes: Any) -> int:
+    """Go on; how many trajectories that took."""
+    missing: list[int] = []
+    settings = settings_for(drawers, **(STATE | changes))
+    replay(drawers, folder, settings, on_start=lambda work: missing.append(work.missing))
+    return missing[0]
+
+
+def test_damaged_parts_are_replayed_again(drawers: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    part = begun(drawers, tmp_path / "a", monkeypatch)
+    assert missing_of(drawers, tmp_path / "a") == 5
+    part = begun(drawers, tmp_path / "b", monkeypatch)
+    data = bytearray(part.read_bytes())
+    data[len(data) // 2] ^= 1
+    part.write_bytes(data)
+    assert missing_of(drawers, tmp_path / "b") == 6
+    assert contents(tmp_path / "a") == contents(tmp_path / "b")
+
+
+def test_parts_are_checked_before_they_are_merged(
+    drawers: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    part = begun(drawers, tmp_path / "b", monkeypatch)
+
+    def spoil(work: Any) -> None:
+        part.write_bytes(part.read_bytes()[:-1] + b"x")
+
+    with pytest.raises(DemoError, match=r"0.h5' was changed or damaged since it was written; the same command"):
+        replay(drawers, tmp_path / "b", settings_for(drawers, **STATE), on_start=spoil)
+    assert missing_of(drawers, tmp_path / "b") == 4  # of the first object, only the spoilt one
+    assert missing_of(drawers, tmp_path / "c") == 6
+    assert contents(tmp_path / "b") == contents(tmp_path / "c")
+
+
+def test_a_lost_manifest_is_no_licence(drawers: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    part = begun(drawers, tmp_path / "a", monkeypatch)
+    (tmp_path / "a" / "manifest.json").unlink()
+    with pytest.raises(DemoError, match=r"has training files \(.unfinished\), but its manifest.json is missing"):
+        missing_of(drawers, tmp_path / "a", compression=0)
+    assert part.exists()
+    # somebody has put a manifest of other settings there: parts of the first ones are not taken over
+    write_training_manifest(TrainingManifest(settings_for(drawers, **STATE, compression=0)), tmp_path / "a")
+    assert missing_of(drawers, tmp_path / "a", compression=0) == 6
+    (tmp_path / "a" / "manifest.json").unlink()
+    before = contents(tmp_path / "a")
+    with pytest.raises(DemoError, match=r"has training files \(cabinet-0002.h5, cabinet-0026.h5\), but"):
+        missing_of(drawers, tmp_path / "a")
+    assert contents(tmp_path / "a") == before
+
+
+def test_what_a_killed_end_left_is_removed(clouds: Path, drawers: Path, tmp_path: Path) -> None:
+    own = Path(shutil.copytree(clouds, tmp_path / "own"))
+    (own / UNFINISHED / "cabinet-0002").mkdir(parents=True)
+    (own / UNFINISHED / "cabinet-0002" / "0.h5").write_bytes(b"merged")
+    replay(drawers, own, settings_for(drawers))
+    assert contents(own) == contents(clouds)
+    assert not (own / UNFINISHED).exists()
+
+
+def test_the_manifest_has_the_settings_of_its_files(own_drawers: Path, tmp_path: Path) -> None:
+    manifest = own_drawers / "manifest.json"
+    text = manifest.read_text()
+    manifest.write_text(text.replace('"control_mode": "joint"', '"control_mode": "operational_space"'))
+    settings = settings_for(own_drawers, **STATE, control_mode="operational_space")
+    with pytest.raises(DemoError, match='other settings than its manifest says: control_mode "joint" there'):
+        replay(own_drawers, tmp_path / "x", settings)
+
+
+def test_training_files_can_be_checked(clouds: Path, tmp_path: Path) -> None:
+    own = Path(shutil.copytree(clouds, tmp_path / "own"))
+    assert len(TrainingFiles(own, check=True)) == 6
+    path = own / "cabinet-0026.h5"
+    path.write_bytes(path.read_bytes()[:-1] + b"x")
+    files = TrainingFiles(own)
+    assert [file.object for file in files.files()] == ["cabinet-0002", "cabinet-0026"]
+    for read in (lambda: TrainingFiles(own, check=True), lambda: list(files.files(check=True))):
+        with pytest.raises(DemoError, match=r"cabinet-0026.h5' was changed or damaged: remove it"):
+            read()
+
+
+def test_each_kind_of_folder_names_its_reader(drawers: Path, clouds: Path) -> None:
+    name = "cabinet-0002.h5"
+    for read, path, reader in (
+        (Demos, clouds, "TrainingFiles"),
+        (TrainingFiles, drawers, "Demos"),
+        (DemoFile, clouds / name, "TrainingFile"),
+        (TrainingFile, drawers / name, "DemoFile"),
+    ):
+        with pytest.raises(DemoError, match=rf"of artiskill: {reader} reads what it holds$"):
+            read(path)
 
 
 def test_a_full_disk(drawers: Path, clouds: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,10 +1,13 @@
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from artiskill.demos.coverage import Visits
+from artiskill.demos.hdf5 import load_h5py
 from artiskill.demos.stats import folder_stats
+from artiskill.errors import DemoError
 
 
 def states(
@@ -63,3 +66,22 @@ def test_a_folder_in_numbers(drawers: Path) -> None:
     written = stats.to_mapping()
     assert written["objects"][1]["targets"][0]["attempts"] == 2
     assert written["mean_length"] == stats.mean_length
+
+
+@pytest.mark.parametrize("what", ["target", "dtype", "columns", "facts"])
+def test_damaged_files_are_errors_of_ours(own_drawers: Path, what: str) -> None:
+    with load_h5py().File(own_drawers / "cabinet-0002.h5", "r+") as file:
+        table = file["attempts"][()]
+        if what == "target":
+            table["target"] = 7
+            file["attempts"][...] = table
+        elif what == "dtype":
+            del file["attempts"]
+            file["attempts"] = np.zeros(3)
+        elif what == "columns":
+            columns = json.loads(file.attrs["state_columns"])
+            file.attrs["state_columns"] = json.dumps([[f"my_{name}", shape] for name, shape in columns])
+        else:
+            file.attrs["facts"] = "{}"
+    with pytest.raises(DemoError, match=r"cabinet-0002.h5' is damaged"):
+        folder_stats(own_drawers)

@@ -19,7 +19,7 @@ def rewrite(folder: Path, change: Any) -> None:
     with load_h5py().File(path, "r+") as file:
         change(file)
     content = json.loads(manifest.read_text())
-    content["files"][NAME]["sha256"] = sha256_of(path)
+    content["files"][NAME] |= {"sha256": sha256_of(path), "bytes": path.stat().st_size}
     manifest.write_text(json.dumps(content))
 
 
@@ -64,6 +64,17 @@ def test_every_number_counts(own_drawers: Path, name: str, row: Any, value: Any,
     assert fault in found
 
 
+def test_what_was_disturbed_has_its_form(own_drawers: Path) -> None:
+    """It does not follow from the actions: only its form and the checksum can be wrong."""
+
+    def shorten(file: Any) -> None:
+        values = file["traj_1/disturbed"][:-1]
+        del file["traj_1/disturbed"]
+        file["traj_1/disturbed"] = values
+
+    assert "trajectory 1: disturbed are bool" in fault_of(own_drawers, shorten)
+
+
 def test_another_level(own_drawers: Path) -> None:
     def change(file: Any) -> None:
         file["traj_1"].attrs["level"] = 17
@@ -74,7 +85,7 @@ def test_another_level(own_drawers: Path) -> None:
 def test_a_trajectory_that_ends_too_soon(own_drawers: Path) -> None:
     def change(file: Any) -> None:
         group = file["traj_1"]
-        for name in ("actions", "rewards", "flags", "digests", "states"):
+        for name in ("actions", "disturbed", "rewards", "flags", "digests", "states"):
             values = group[name][:-1]
             del group[name]
             group[name] = values
@@ -108,6 +119,16 @@ def test_checksums(own_drawers: Path) -> None:
     assert "No such file" in verify(own_drawers)[0].faults[0]
 
 
+def test_a_size_that_the_manifest_has_otherwise(own_drawers: Path) -> None:
+    manifest = own_drawers / "manifest.json"
+    content = json.loads(manifest.read_text())
+    content["files"][NAME]["bytes"] += 1
+    manifest.write_text(json.dumps(content))
+    first, second = verify(own_drawers)
+    assert "holds something else than the manifest says" in first.faults[0]
+    assert not second.faults
+
+
 def test_another_catalogue(own_drawers: Path) -> None:
     manifest = own_drawers / "manifest.json"
     content = json.loads(manifest.read_text())
@@ -118,6 +139,91 @@ def test_another_catalogue(own_drawers: Path) -> None:
         file.attrs["content_hash"] = "0" * 16
 
     assert "was made with another 'cabinet-0002'" in fault_of(own_drawers, change)
+
+
+def set_attribute(name: str, value: Any, group: str = "/") -> Any:
+    def change(file: Any) -> None:
+        file[group].attrs[name] = value
+
+    return change
+
+
+def set_json(attribute: str, **values: Any) -> Any:
+    def change(file: Any) -> None:
+        file.attrs[attribute] = json.dumps(json.loads(file.attrs[attribute]) | values)
+
+    return change
+
+
+def replace_array(name: str, new: Any) -> Any:
+    def change(file: Any) -> None:
+        values = file[name][()]
+        del file[name]
+        file[name] = new(values)
+
+    return change
+
+
+def with_rows(**values: int) -> Any:
+    """The table of attempts, changed."""
+
+    def change(table: Any) -> Any:
+        for name, value in values.items():
+            table[name] = value
+        return table
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        (set_attribute("level", -5, "traj_1"), "trajectory 1: a level is an integer from 0 to 2147483647"),
+        (set_attribute("target", "drawer", "traj_1"), "trajectory 1: unknown target link 'drawer'"),
+        (replace_array("traj_1/actions", lambda a: a * np.float32(np.nan)), "trajectory 1: "),
+        (replace_array("traj_1/actions", lambda a: a[:, :3]), "trajectory 1: "),
+        (replace_array("attempts", lambda table: np.zeros(3)), "cannot read its attempts (they are float64, not"),
+        (replace_array("attempts", with_rows(target=7)), "cannot read its attempts (the header has 1 targets)"),
+        (replace_array("attempts", with_rows(trajectory=1)), "they do not list the 3 trajectories"),
+        (
+            set_json("settings", control_mode="operational_space"),
+            'control_mode "operational_space" there, "joint"',
+        ),
+        (set_json("facts", name="cabinet-0020"), "was made with another 'cabinet-0002'"),
+        (set_json("facts", family="golden"), "has other facts than 'cabinet-0002'"),
+        (set_attribute("flag_names", '["done"]'), "has flags ('done',), the task ("),
+    ],
+)
+def test_whatever_is_wrong_there_is_a_verdict(own_drawers: Path, change: Any, fault: str) -> None:
+    assert fault in fault_of(own_drawers, change)
+
+
+@pytest.mark.parametrize(
+    ("columns", "fault"),
+    [
+        ([["a", [3]]], "the header has 3 columns"),
+        (None, "the file's state_columns are other ones"),
+    ],
+)
+def test_columns_are_those_that_are_simulated(own_drawers: Path, columns: Any, fault: str) -> None:
+    def change(file: Any) -> None:
+        found = json.loads(file.attrs["state_columns"])
+        file.attrs["state_columns"] = json.dumps(columns or [[f"my_{name}", shape] for name, shape in found])
+
+    rewrite(own_drawers, change)
+    faults = verify(own_drawers)[0].faults
+    assert len(faults) == 3
+    assert all(fault in found for found in faults)
+
+
+def test_the_manifest_has_the_settings_of_its_files(own_drawers: Path) -> None:
+    manifest = own_drawers / "manifest.json"
+    content = json.loads(manifest.read_text())
+    content["settings"]["expert"]["name"] = "Nobody"
+    manifest.write_text(json.dumps(content))
+    for verdict in verify(own_drawers):
+        (fault,) = verdict.faults
+        assert 'expert.name "OpenCabinetExpert" there, "Nobody" here (there: the file' in fault
 
 
 def test_bad_input(drawers: Path, tmp_path: Path) -> None:

@@ -41,7 +41,7 @@ def add_command(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Solve, show; the exit status."""
     from artiskill.assets.catalog import resolve_objects
-    from artiskill.cli.parser import overrides_of
+    from artiskill.cli.parser import UsageError, overrides_of
     from artiskill.cli.progress import Progress
     from artiskill.envs.manipulation import ManipulationEnv
     from artiskill.experts.mpc import load_mpc_config
@@ -50,6 +50,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     config = load_mpc_config(overrides_of(arguments.set))
     threads = available_cores() if arguments.threads is None else arguments.threads
+    if threads < 1:
+        raise UsageError(f"--threads must be at least 1, not {threads}")
     items = resolve_objects(arguments.objects, task=arguments.task)
     attempts = []
     with Progress("planning", len(items) * len(arguments.levels), "levels") as progress:
@@ -57,9 +59,15 @@ def run(arguments: argparse.Namespace) -> int:
             env = ManipulationEnv(arguments.task, objects=[item], target=arguments.target)
             for level in arguments.levels:
                 attempts.append(solve_level(env, level, config, threads))
+                progress.say(_line(attempts[-1]))
                 progress.advance()
     _print(attempts)
     return 0 if all(attempt.solved for attempt in attempts) else EXIT_UNSOLVED
+
+
+def _line(a: "Attempt") -> str:
+    outcome = "solved in" if a.solved else "not solved after"
+    return f"{a.object}, {a.target}, level {a.level}: {outcome} {a.steps} steps, {a.seconds:.0f} s"
 
 
 def _print(attempts: "list[Attempt]") -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from artiskill.demos.manifest import Manifest
     from artiskill.demos.plan import Plan
+    from artiskill.jobs.ray_cluster import RayCluster
 
 EXIT_SHORT = 1
 
@@ -14,6 +15,7 @@ _EPILOG = """examples:
   artiskill demos collect --task PushChair --out demos/chairs
   artiskill demos collect --task OpenCabinetDoor --objects cabinet-0006 --targets link_1 --out demos/doors
   artiskill demos collect --task MoveBucket --control-mode operational_space --out demos/buckets-os
+  artiskill demos collect --task PushChair --out demos/chairs --ray auto
 
 Stopped at any moment, the same command goes on from there. The exit status is 1 if an expert could not solve an
 object often enough. docs/demonstrations.md describes the files."""
@@ -34,16 +36,21 @@ def add_command(commands: Any) -> None:
         "--objects", nargs="+", default=["train"], help="splits, ids, PartNet folders (default: train)"
     )
     parser.add_argument(
-        "--per-object", type=int, default=300, help="successful trajectories (default: %(default)s)"
+        "--per-object", type=int, help="successful trajectories, which its targets share (default: 300)"
     )
+    parser.add_argument("--per-target", type=int, help="successful trajectories of each target link instead")
     parser.add_argument("--targets", nargs="+", metavar="LINK", help="only these links (default: all)")
     parser.add_argument(
         "--control-mode", default="joint", help="joint or operational_space (default: %(default)s)"
     )
     parser.add_argument("--first-level", "--seed", type=int, default=0, help="of each object (default: 0)")
     parser.add_argument("--keep-failures", action="store_true", help="store failed attempts, too")
+    parser.add_argument(
+        "--plain", action="store_true", help="experts always in their usual manner, and never disturbed"
+    )
     parser.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="task settings")
-    parser.add_argument("--workers", type=int, help="processes (default: one per core)")
+    parser.add_argument("--workers", type=int, help="processes (default: one per core, of a cluster: per CPU)")
+    parser.add_argument("--ray", metavar="ADDRESS", help="play on a Ray cluster: HOST:PORT, auto or local")
     parser.set_defaults(run=run)
 
 
@@ -53,30 +60,37 @@ def run(arguments: argparse.Namespace) -> int:
     from artiskill.cli.parser import overrides_of
     from artiskill.demos.hdf5 import load_h5py
     from artiskill.demos.plan import make_plan
-    from artiskill.jobs.parallel import available_cores
+    from artiskill.jobs.ray_cluster import RayCluster
 
     load_h5py()  # it is needed in the end: better said now
+    cluster = None if arguments.ray is None else RayCluster(arguments.ray, arguments.workers)
+    if cluster is not None:
+        cluster.check()
     plan = make_plan(
         task=arguments.task,
         objects=arguments.objects,
         per_object=arguments.per_object,
+        per_target=arguments.per_target,
         targets=arguments.targets,
         control_mode=arguments.control_mode,
         first_level=arguments.first_level,
         keep_failures=arguments.keep_failures,
+        variety=not arguments.plain,
         config=overrides_of(arguments.set),
     )
-    workers = available_cores() if arguments.workers is None else arguments.workers
-    manifest = _collect(plan, arguments.out, workers)
+    manifest = _collect(plan, arguments.out, arguments.workers, cluster)
     return EXIT_SHORT if print_collection(plan, manifest, arguments.out) else 0
 
 
-def _collect(plan: "Plan", folder: Path, workers: int) -> "Manifest":
+def _collect(plan: "Plan", folder: Path, workers: int | None, cluster: "RayCluster | None") -> "Manifest":
     from artiskill.cli.progress import Progress
     from artiskill.demos.attempts import Attempt
     from artiskill.demos.collect import Collection, collect
+    from artiskill.jobs.parallel import available_cores
 
-    total = plan.settings.per_object * len(plan.objects)
+    if workers is None or cluster is not None:
+        workers = available_cores()
+    total = sum(plan.wanted(one) for one in plan.objects)
     with Progress(f"{plan.settings.task}, {plan.settings.control_mode}", total, "trajectories") as progress:
 
         def on_start(collection: Collection) -> None:
@@ -85,4 +99,4 @@ def _collect(plan: "Plan", folder: Path, workers: int) -> "Manifest":
         def on_attempt(attempt: Attempt) -> None:
             progress.attempt(attempt.success)
 
-        return collect(plan, folder, workers, on_attempt, on_start)
+        return collect(plan, folder, workers, on_attempt, on_start, cluster)

@@ -57,7 +57,7 @@ def add_command(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check everything, replay, show what came of it; the exit status."""
-    from artiskill.cli.demos_table import print_replay
+    from artiskill.cli.demos_table import note_unfinished, print_replay
     from artiskill.cli.parser import overrides_of
     from artiskill.cli.progress import Progress
     from artiskill.demos.demos import Demos
@@ -86,6 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
 
         manifest = replay(arguments.path, arguments.out, settings, workers, objects, on_replayed, on_start)
     print_replay(manifest, arguments.out, frames, time.perf_counter() - start)
+    note_unfinished(arguments.path)
     return 0
 
 

@@ -28,7 +28,7 @@ def add_command(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Read, show, write."""
-    from artiskill.cli.demos_table import print_stats
+    from artiskill.cli.demos_table import note_unfinished, print_stats
     from artiskill.cli.progress import Progress
     from artiskill.demos.demos import find_folders
     from artiskill.demos.manifest import read_manifest
@@ -38,8 +38,9 @@ def run(arguments: argparse.Namespace) -> None:
     total = sum(len(read_manifest(folder).files) for folder in folders)
     with Progress("reading", max(total, 1), "files") as progress:
         found = [folder_stats(folder, progress.advance) for folder in folders]
-    for stats in found:
+    for folder, stats in zip(folders, found, strict=True):
         print_stats(stats)
+        note_unfinished(folder)
     if arguments.json is not None:
         _write([stats.to_mapping() for stats in found], arguments.json)
         print(f"numbers: {arguments.json}")

@@ -90,11 +90,11 @@ def print_stats(stats: "Stats") -> None:
 def print_replay(manifest: "TrainingManifest", folder: Path, frames: int, seconds: float) -> None:
     """Print a row per training file, and how fast they were made."""
     table = _table("object", "replayed", "solved", "bit-exact", "clipped", "kept", "frames", "MB")
-    entries = list(manifest.files.values())
+    entries, restored = list(manifest.files.values()), manifest.settings.way == "restore"
     for entry in entries:
-        table.add_row(entry.object, *_replay_cells([entry]))
+        table.add_row(entry.object, *_replay_cells([entry], restored))
     table.add_section()
-    table.add_row("all", *_replay_cells(entries), style="bold")
+    table.add_row("all", *_replay_cells(entries, restored), style="bold")
     console = _console()
     console.print(table)
     if frames:
@@ -102,14 +102,26 @@ def print_replay(manifest: "TrainingManifest", folder: Path, frames: int, second
     console.print(f"training files: {folder}", soft_wrap=True)
 
 
-def _replay_cells(entries: Sequence["TrainingEntry"]) -> list[str]:
+def note_unfinished(folder: Path) -> None:
+    """Print a line if the collection in a folder has not come to its end."""
+    from artiskill.demos.unfinished import unfinished_objects
+
+    count = len(unfinished_objects(folder))
+    if count:
+        objects = "1 object is" if count == 1 else f"{count} objects are"
+        print(
+            f"{folder} is not finished: {objects} still being collected; what has no file yet is not counted here"
+        )
+
+
+def _replay_cells(entries: Sequence["TrainingEntry"], restored: bool) -> list[str]:
     counts = [entry.counts for entry in entries]
     replayed, steps = sum(c.replayed for c in counts), sum(c.steps for c in counts)
-    clipped = sum(c.clipped for c in counts)
+    clipped, exact = sum(c.clipped for c in counts), sum(c.exact for c in counts)
     return [
         str(replayed),
         f"{sum(c.solved for c in counts)}",
-        f"{sum(c.exact for c in counts)}",
+        str(exact) if exact or not restored else "-",  # restored ones are if the file has every state exactly
         f"{clipped / steps:.1%}" if steps else "-",
         str(sum(entry.trajectories for entry in entries)),
         str(sum(entry.frames for entry in entries)),

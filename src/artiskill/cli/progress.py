@@ -6,6 +6,7 @@ from types import TracebackType
 from typing import Self
 
 _LINES = 10  # on the way, if not on a terminal
+_SILENCE_S = 60.0  # there, another line after so long
 
 
 class Progress:
@@ -23,7 +24,7 @@ class Progress:
 
         self._title, self._total, self._unit = title, total, unit
         self._done = self._skipped = self._successes = self._counted = 0
-        self._start = time.perf_counter()
+        self._start = self._line_at = time.perf_counter()
         self._bar: rich_progress.Progress | None = None
         if sys.stderr.isatty():
             self._bar = rich_progress.Progress(
@@ -63,7 +64,14 @@ class Progress:
             self.advance(success)
         else:
             self._counted += 1
-            self._update()
+            self._show_done(self._done)
+
+    def say(self, line: str) -> None:
+        """Print a line, above the bar where there is one."""
+        if self._bar is not None:
+            self._bar.console.print(line, highlight=False, markup=False)
+        else:
+            print(line, file=sys.stderr, flush=True)
 
     def skip(self, count: int) -> None:
         """So many units were there before; they say nothing about the rate."""
@@ -75,10 +83,18 @@ class Progress:
     def _show_done(self, done: int) -> None:
         before, self._done = self._done, done
         self._update()
-        if self._bar is None and done * _LINES // self._total > before * _LINES // self._total:
-            left_s = (self._total - done) / self._rate()
-            line = f"{self._title}: {done}/{self._total} {self._unit}, {self._note()}, {left_s:.0f} s left"
-            print(line, file=sys.stderr, flush=True)
+        if self._bar is not None:
+            return
+        now = time.perf_counter()
+        if done * _LINES // self._total > before * _LINES // self._total or now - self._line_at > _SILENCE_S:
+            rate = self._rate()
+            left = f", {(self._total - done) / rate:.0f} s left" if rate else ""
+            print(
+                f"{self._title}: {done}/{self._total} {self._unit}, {self._note()}{left}",
+                file=sys.stderr,
+                flush=True,
+            )
+            self._line_at = now
 
     def _update(self) -> None:
         if self._bar is not None:

@@ -66,7 +66,7 @@ def run_block(block: Block, tell: Callable[[Attempt], None]) -> None:
     """Make the attempts of a block, and tell each."""
     obj = load_object(block.object) if isinstance(block.object, str) else block.object
     env = block.settings.make_env([obj])
-    player = Demonstrator(env)
+    player = Demonstrator(env, block.settings.variety, block.settings.store.action_bits)
     for level in block.levels:
         tell(make_attempt(env, obj, player, block, level))
 

@@ -1,12 +1,13 @@
 """Collecting demonstrations into a folder: whatever ends it, the same command goes on from where it was."""
 
 from collections.abc import Callable
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
 from artiskill.assets.catalog import load_object
 from artiskill.demos.attempts import Attempt, Block, run_block
 from artiskill.demos.header import TargetCount
-from artiskill.demos.json_files import MANIFEST
 from artiskill.demos.manifest import (
     FileEntry,
     Manifest,
@@ -16,11 +17,15 @@ from artiskill.demos.manifest import (
     write_manifest,
 )
 from artiskill.demos.plan import ObjectPlan, Plan
+from artiskill.demos.settings import settings_hash
 from artiskill.demos.staging import Staging
 from artiskill.demos.streams import Stream
+from artiskill.demos.unfinished import WORKER_HINT, check_manifest
 from artiskill.demos.writing import make_header, write_object_file
 from artiskill.errors import ConfigError, DemoError
 from artiskill.jobs.parallel import run_source
+from artiskill.jobs.ray_cluster import RayCluster
+from artiskill.jobs.ray_jobs import connected
 from artiskill.jobs.reservation import reserved
 from artiskill.jobs.whole_files import remove_leftovers
 
@@ -33,11 +38,12 @@ def collect(
     workers: int = 1,
     on_attempt: OnAttempt | None = None,
     on_start: Callable[["Collection"], None] | None = None,
+    cluster: RayCluster | None = None,
 ) -> Manifest:
     """Collect what a plan asks for.
 
-    The files are a function of the plan only, bit for bit: neither the number of workers, nor the order in which
-    they come to their ends, nor how often the collection is killed and goes on, changes them.
+    The files are a function of the plan only, bit for bit: neither the number of workers or machines, nor the
+    order in which they come to their ends, nor how often the collection is killed and goes on, changes them.
 
     Args:
         plan: see `make_plan`.
@@ -45,8 +51,11 @@ def collect(
         workers: processes.
         on_attempt: called after every attempt.
         on_start: called once, when it is known what an earlier collector has left.
+        cluster: play there, and not in `workers` processes here.
 
     Raises:
+        MissingExtraError: a cluster without the extra `distributed`.
+        ClusterError: the cluster cannot be reached, breaks down, or would give other results.
         ConfigError: an illegal number of workers, or another collector is at the folder.
         DemoError: the folder holds a collection of other settings, or is damaged, or cannot be written to.
         PolicyError: a worker ended by itself.
@@ -54,12 +63,15 @@ def collect(
     folder = Path(folder)
     if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
         raise ConfigError(f"workers must be a whole number of at least 1, not {workers!r}")
-    with reserved(folder, "collector"):
+    with ExitStack() as stack:
+        local = partial(run_source, workers=workers, hint=WORKER_HINT)
+        run = local if cluster is None else stack.enter_context(connected(cluster))
+        stack.enter_context(reserved(folder, "collector or replay"))
         collection = Collection(plan, folder, on_attempt or (lambda attempt: None))
         if on_start is not None:
             on_start(collection)
         collection.finish_ready()
-        run_source(run_block, collection, workers, collection.take_in, describe=lambda block: block.label)
+        run(run_block, collection, on_news=collection.take_in, describe=lambda block: block.label)
         return collection.manifest
 
 
@@ -83,14 +95,14 @@ class Collection:
         self.manifest = _open_manifest(plan, folder)
         self.restored = 0
         self._plan, self._folder, self._on_attempt = plan, folder, on_attempt
-        self._staging = Staging(folder)
+        self._staging = Staging(folder, settings_hash(plan.settings))
         self._open: dict[str, tuple[ObjectPlan, list[Stream]]] = {}
         for one in plan.objects:
             if self._is_finished(one):
                 self._staging.remove(one.id)
                 continue
             self._open[one.id] = one, plan.streams(one)
-            for attempt in self._staging.load(one.id):
+            for attempt in self._staging.load(one.id, one.content_hash):
                 self._stream(attempt).tell(attempt.level, attempt.success)
                 self.restored += attempt.success
 
@@ -111,7 +123,7 @@ class Collection:
 
     def take_in(self, attempt: Attempt) -> None:
         """Keep an attempt."""
-        self._staging.save(attempt)
+        self._staging.save(attempt, self._open[attempt.object][0].content_hash)
         self._stream(attempt).tell(attempt.level, attempt.success)
         self._on_attempt(attempt)
 
@@ -143,8 +155,15 @@ class Collection:
         return True
 
     def _finish(self, one: ObjectPlan, streams: list[Stream]) -> None:
-        known = {(a.target, a.level): a for a in self._staging.load(one.id)}
-        attempts = [known[stream.target, level] for stream in streams for level in stream.levels]
+        known = {(a.target, a.level): a for a in self._staging.load(one.id, one.content_hash)}
+        counted = [(stream.target, level) for stream in streams for level in stream.levels]
+        lost = [key for key in counted if key not in known]
+        if lost:
+            raise DemoError(
+                f"{str(self._folder)!r}: {len(lost)} of {len(counted)} attempts at {one.id!r} were damaged or "
+                "removed while others were made; the same command makes them again"
+            )
+        attempts = [known[key] for key in counted]
         counts = tuple(_count(stream) for stream in streams)
         obj = load_object(one.item) if isinstance(one.item, str) else one.item
         header = make_header(obj, self._plan.settings, counts, self._plan.flag_names, attempts)
@@ -176,7 +195,7 @@ def _count(stream: Stream) -> TargetCount:
 def _open_manifest(plan: Plan, folder: Path) -> Manifest:
     """The folder's manifest, which must be of the plan's settings; a new one where there is none."""
     remove_leftovers(folder)
-    if not (folder / MANIFEST).exists():
+    if not check_manifest(folder, "demonstrations"):
         manifest = Manifest(plan.settings)
         write_manifest(manifest, folder)
         return manifest

@@ -39,17 +39,19 @@ class StoreConfig:
         key_frame_steps: the engine's exact state is kept every so many steps, and at the end.
         position_bits: positions of every step are rounded to 2 to the power of minus this (m or rad).
         velocity_bits: likewise velocities (m/s or rad/s).
+        action_bits: actions are rounded likewise, before they are played.
         compression: level of gzip.
     """
 
     key_frame_steps: int
     position_bits: int
     velocity_bits: int
+    action_bits: int
     compression: int
 
     def __post_init__(self) -> None:
         check_value(self, "key_frame_steps", self.key_frame_steps >= 1, "must be at least 1")
-        for name in ("position_bits", "velocity_bits"):
+        for name in ("position_bits", "velocity_bits", "action_bits"):
             check_value(self, name, 0 <= getattr(self, name) <= _MOST_BITS, f"must lie in [0, {_MOST_BITS}]")
         check_value(
             self,

@@ -1,5 +1,6 @@
 """`DemoFile`: one file of demonstrations, open for reading."""
 
+import operator
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
@@ -13,8 +14,9 @@ from artiskill.demos.hdf5 import reading
 from artiskill.demos.header import Header
 from artiskill.demos.open_file import OpenFile
 from artiskill.demos.recording import ARRAYS, Recording
+from artiskill.demos.settings import Settings
 from artiskill.demos.trajectory import Trajectory
-from artiskill.demos.writing import ATTEMPTS
+from artiskill.demos.writing import ATTEMPT_TYPE, ATTEMPTS
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ArtiSkillError, DemoError
 
@@ -44,6 +46,11 @@ class DemoFile(OpenFile):
         """All trajectories."""
         return (self.trajectory(i) for i in range(len(self)))
 
+    def __getitem__(self, i: int) -> Trajectory:
+        """`trajectory(i)`; negative numbers count from the end."""
+        number = operator.index(i)
+        return self.trajectory(number + len(self) if number < 0 else number)
+
     def trajectory(self, i: int) -> Trajectory:
         """One of them, read whole.
 
@@ -57,6 +64,10 @@ class DemoFile(OpenFile):
             recording = Recording(
                 **arrays, state_columns=header.state_columns, key_frame_columns=header.key_frame_columns
             )
+            widths = {"states": header.state_columns.width, "key_frames": header.key_frame_columns.width}
+            for name, width in widths.items():
+                if arrays[name].shape[1:] != (width,):
+                    raise ValueError(f"{name} are {arrays[name].shape}, the header has {width} columns")
             about = self._file[f"traj_{i}"].attrs
             return Trajectory(
                 header, f"{self.path.name}, trajectory {i}", str(about["target"]), int(about["level"]), recording
@@ -84,7 +95,27 @@ class DemoFile(OpenFile):
         """
         with reading(self.path, "its attempts"):
             found: np.ndarray = self._file[ATTEMPTS][()]
+            if found.dtype != ATTEMPT_TYPE or found.ndim != 1:
+                raise ValueError(f"they are {found.dtype}, not {ATTEMPT_TYPE}")
+            targets, numbers = found["target"], found["trajectory"]
+            if len(found) and not 0 <= targets.min() <= targets.max() < len(self.header.targets):
+                raise ValueError(f"the header has {len(self.header.targets)} targets")
+            if sorted(numbers[numbers >= 0]) != list(range(len(self))):
+                raise ValueError(f"they do not list the {len(self)} trajectories")
             return found
+
+    def check_settings(self, wanted: Settings) -> None:
+        """See whether it was made with these settings, its manifest's say.
+
+        Raises:
+            DemoError: it was not.
+        """
+        differences = self.header.settings.differences(wanted)
+        if differences:
+            raise DemoError(
+                f"{str(self.path)!r} was made with other settings than its manifest says: {differences} "
+                "(there: the file, here: the manifest); one of the two was changed"
+            )
 
     def load_object(self, given: ArticulatedObject | None = None) -> ArticulatedObject:
         """The object, which must be the one that was demonstrated with.

@@ -1,38 +1,91 @@
 """An expert as a demonstrator: its actions in the environment's own control mode, as they are stored."""
 
+import zlib
+
 import numpy as np
 
+from artiskill.demos.config import load_demos_config
+from artiskill.demos.instants import rounded
 from artiskill.envs.control import JOINT
 from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.experts.disturbance import Disturbance
 from artiskill.experts.registry import Expert, make_expert
+from artiskill.experts.variation import load_variation, varied
+
+# Levels use small numbers as spawn keys (`tasks.levels.Stream`); what differs by seed must not follow any of them.
+_VARIETY_STREAM = 3000
+_MANNER, _PUSHES = 0, 1
 
 
 class Demonstrator:
-    """Acts as the task's expert.
+    """Acts as the task's expert, in a manner of its own in every episode, and disturbed now and then.
 
-    Every episode has an expert of its own, for no episode may depend on the one before.
+    Manner and disturbances are fixed by level, object and target. Every episode has an expert of its own, for no
+    episode may depend on the one before.
 
     Args:
         env: in which it acts.
+        variety: without it the expert acts in its usual manner, undisturbed.
+        action_bits: actions are multiples of 2 to the power of minus this; by default as `demos.yaml` says.
+
+    Attributes:
+        disturbed: whether the last action was another than the expert had wanted.
+
+    Raises:
+        PolicyError: the task has no expert.
     """
 
-    def __init__(self, env: ManipulationEnv) -> None:
+    def __init__(self, env: ManipulationEnv, variety: bool = True, action_bits: int | None = None) -> None:
         self._config = make_expert(env.task.name, env.task.robot).config  # read from its file only once
+        self._variation = load_variation(env.task.name) if variety else None
+        self._action_bits = load_demos_config().store.action_bits if action_bits is None else action_bits
         self._expert: Expert | None = None
+        self._disturbance: Disturbance | None = None
+        self.disturbed = False
 
     def begin(self, env: ManipulationEnv) -> None:
         """Begin an episode at its first state."""
-        self._expert = make_expert(env.task.name, env.task.robot, self._config)
+        config, self._disturbance = self._config, None
+        if self._variation is not None:
+            config = varied(config, self._variation.ranges, _generator(env, _MANNER))
+            self._disturbance = Disturbance(
+                self._variation.disturbance,
+                env.control.joint_scale.half_range,
+                len(env.task.robot.mounts),
+                env.task.physics.step_s,
+                _generator(env, _PUSHES),
+            )
+        self._expert = make_expert(env.task.name, env.task.robot, config)
         self._expert.reset(env.snapshot, env.goal)
+        self.disturbed = False
 
     def act(self, env: ManipulationEnv) -> np.ndarray:
         """The next action, (A,) float32."""
         assert self._expert is not None
-        action = self._expert.act(env.snapshot, env.goal)
+        wanted = self._expert.act(env.snapshot, env.goal)
+        action = self._stored(wanted, env)
+        offset = None if self._disturbance is None else self._disturbance.next(wanted)
+        if offset is None:
+            self.disturbed = False
+            return action
+        pushed = self._stored(wanted + offset, env)
+        self.disturbed = bool((pushed != action).any())
+        return pushed
+
+    def _stored(self, action: np.ndarray, env: ManipulationEnv) -> np.ndarray:
+        """A joint action (R,) in the environment's control mode, clipped and rounded as it is stored."""
         if env.control.mode != JOINT:
             targets = env.control.joint_scale.to_targets(action[None])
             action = env.control.to_actions(targets, env.snapshot)[0]
-        return action.astype(np.float32)
+        return rounded(np.clip(action, -1.0, 1.0), self._action_bits)
+
+
+def _generator(env: ManipulationEnv, use: int) -> np.random.Generator:
+    """The generator of one use, of the level, object and target that are played."""
+    state = env.save_state()
+    entropy = (state.level, zlib.crc32(state.object.encode()), zlib.crc32(state.target.encode()))
+    seed = np.random.SeedSequence(entropy, spawn_key=(_VARIETY_STREAM, use))
+    return np.random.Generator(np.random.PCG64(seed))
 
 
 class Replay:
@@ -40,7 +93,12 @@ class Replay:
 
     Args:
         actions: (T, A).
+
+    Attributes:
+        disturbed: False: nobody knows from the actions.
     """
+
+    disturbed = False
 
     def __init__(self, actions: np.ndarray) -> None:
         self._actions, self._step = actions, 0

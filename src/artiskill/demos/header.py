@@ -1,4 +1,4 @@
-"""What a file of demonstrations says about itself: the schema, version 1."""
+"""What a file of demonstrations says about itself: the schema, version 2."""
 
 import json
 import math
@@ -16,7 +16,9 @@ from artiskill.demos.settings import Settings
 from artiskill.errors import DemoError
 
 FORMAT = "artiskill-demonstrations"
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
+# what opens a folder, and a file, of each format of ours
+_READERS = {FORMAT: ("Demos", "DemoFile"), "artiskill-training": ("TrainingFiles", "TrainingFile")}
 
 
 @dataclass(frozen=True)
@@ -119,7 +121,9 @@ def check_format(
         DemoError: it is not.
     """
     if given != wanted:
-        raise DemoError(f"{str(path)!r} holds no {what or 'demonstrations'} of artiskill")
+        readers = _READERS.get(str(given))
+        hint = f": {readers[path.suffix != '.json']} reads what it holds" if readers else ""
+        raise DemoError(f"{str(path)!r} holds no {what or 'demonstrations'} of artiskill{hint}")
     if version != legal:
         raise DemoError(
             f"{str(path)!r} has schema version {version}; this version of artiskill reads {legal}: "

@@ -14,10 +14,13 @@ from artiskill.envs.control import CONTROL_MODES, JOINT
 from artiskill.envs.manipulation import ObjectChoice
 from artiskill.errors import ConfigError, UnknownNameError, check_name
 from artiskill.experts.registry import make_expert
+from artiskill.experts.variation import load_variation
 from artiskill.tasks.levels import MAX_LEVEL, check_level
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Task
 from artiskill.versions import versions
+
+PER_OBJECT = 300  # as many as the paper has
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,21 +58,28 @@ class Plan:
     flag_names: tuple[str, ...]
     block_levels: int
 
+    def wanted(self, one: ObjectPlan) -> int:
+        """Successful trajectories of an object."""
+        settings = self.settings
+        return settings.per_object or (settings.per_target or 0) * len(one.chosen)
+
     def streams(self, one: ObjectPlan) -> list[Stream]:
         """The levels to try for an object."""
         settings = self.settings
-        return make_streams(one.targets, one.chosen, settings.per_object, settings.first_level, settings.patience)
+        return make_streams(one.targets, one.chosen, self.wanted(one), settings.first_level, settings.patience)
 
 
 def make_plan(
     task: str,
     objects: ObjectChoice = "train",
-    per_object: int = 300,
+    per_object: int | None = None,
     *,
+    per_target: int | None = None,
     targets: Sequence[str] | None = None,
     control_mode: str = JOINT,
     first_level: int = 0,
     keep_failures: bool = False,
+    variety: bool = True,
     config: Mapping[str, Any] | None = None,
     demos_config: DemosConfig | None = None,
 ) -> Plan:
@@ -78,11 +88,13 @@ def make_plan(
     Args:
         task: name of the task.
         objects: a split, an id, a list of ids, or `ArticulatedObject`s.
-        per_object: successful trajectories of each; its targets share them evenly.
+        per_object: successful trajectories of each, which its targets share evenly; 300 unless either is given.
+        per_target: successful trajectories of each target.
         targets: only these links; every object must have one of them.
         control_mode: of the stored actions.
         first_level: of each object.
         keep_failures: store failed attempts, too.
+        variety: let the expert's manner differ from episode to episode, and disturb it now and then.
         config: values of the task's YAML to change.
         demos_config: how demonstrations are stored and when a target is given up; by default the package's.
 
@@ -92,27 +104,68 @@ def make_plan(
         AssetError: an object that the task cannot use, or that differs from the catalogue's of that id.
         PolicyError: the task has no expert.
     """
+    if per_object is not None and per_target is not None:
+        raise ConfigError("trajectories are wanted per object or per target, not both")
     made, demos_config = make_task(task, config), demos_config or load_demos_config()
     check_name("control mode", control_mode, CONTROL_MODES)
-    if isinstance(per_object, bool) or not isinstance(per_object, int) or not 1 <= per_object <= MAX_LEVEL:
-        raise ConfigError(f"the trajectories per object must be a whole number of at least 1, not {per_object!r}")
-    expert = make_expert(task, made.robot)
+    if per_object is None and per_target is None:
+        per_object = PER_OBJECT
     settings = Settings(
         task=task,
         control_mode=control_mode,
-        per_object=per_object,
+        per_object=_count(per_object, "object"),
+        per_target=_count(per_target, "target"),
         first_level=check_level(first_level),
         targets=None if targets is None else tuple(targets),
         keep_failures=keep_failures,
+        variety=variety,
         config=plain(made.config),
         config_hash=task_hash(made),
-        expert=ExpertInfo(type(expert).__name__, CONTROLLER, mapping_hash(plain(expert.config))),
+        expert=_expert_info(made, variety),
         store=demos_config.store,
         patience=demos_config.patience,
         versions=versions(),
     )
     found = tuple(_plan_object(made, item, settings.targets) for item in resolve_objects(objects, task=task))
-    return Plan(settings, found, made.flag_names, demos_config.block_levels)
+    _check_targets(settings, found)
+    plan = Plan(settings, found, made.flag_names, demos_config.block_levels)
+    _check_levels(plan)
+    return plan
+
+
+def _check_targets(settings: Settings, objects: Sequence[ObjectPlan]) -> None:
+    """See whether some object has each of the wanted targets."""
+    legal = dict.fromkeys(name for one in objects for name in one.targets)
+    for name in settings.targets or ():
+        if name not in legal:
+            raise UnknownNameError("target link", name, legal, f"(no object has it, {settings.task})")
+
+
+def _check_levels(plan: Plan) -> None:
+    """See whether there are as many levels as trajectories are wanted."""
+    for one in plan.objects:
+        for stream in plan.streams(one):
+            if stream.level(stream.wanted - 1) > MAX_LEVEL:
+                raise ConfigError(
+                    f"{stream.wanted} trajectories of {one.id!r}, {stream.target}, need the levels "
+                    f"{stream.level(0)} to {stream.level(stream.wanted - 1)}; the last one is {MAX_LEVEL}: "
+                    "begin with a lower first level, or want fewer"
+                )
+
+
+def _count(wanted: int | None, of: str) -> int | None:
+    """How many trajectories, checked."""
+    if wanted is None:
+        return None
+    if isinstance(wanted, bool) or not isinstance(wanted, int) or not 1 <= wanted <= MAX_LEVEL:
+        raise ConfigError(f"the trajectories per {of} must be a whole number of at least 1, not {wanted!r}")
+    return wanted
+
+
+def _expert_info(task: Task, variety: bool) -> ExpertInfo:
+    expert = make_expert(task.name, task.robot)
+    values = {"expert": plain(expert.config), "variation": plain(load_variation(task.name)) if variety else None}
+    return ExpertInfo(type(expert).__name__, CONTROLLER, mapping_hash(values))
 
 
 def _plan_object(task: Task, item: str | ArticulatedObject, wanted: tuple[str, ...] | None) -> ObjectPlan:

@@ -21,7 +21,13 @@ from artiskill.envs.manipulation import ManipulationEnv
 
 
 class Player(Protocol):
-    """Who acts in an episode that is recorded."""
+    """Who acts in an episode that is recorded.
+
+    Attributes:
+        disturbed: whether the last action was another than the one who acts had wanted.
+    """
+
+    disturbed: bool
 
     def begin(self, env: ManipulationEnv) -> None:
         """Begin an episode at its first state."""
@@ -36,6 +42,7 @@ class Recording:
 
     Attributes:
         actions: (T, A) float32.
+        disturbed: (T,) bool, actions that are not what the expert wanted: they pushed it off its way.
         rewards: (T,) float64, dense.
         flags: (T, F) bool, which conditions have held long enough after each step.
         digests: (T + 1,) uint64, `digest_of` the state before the first and after each step.
@@ -46,6 +53,7 @@ class Recording:
     """
 
     actions: np.ndarray
+    disturbed: np.ndarray
     rewards: np.ndarray
     flags: np.ndarray
     digests: np.ndarray
@@ -61,7 +69,9 @@ class Recording:
 
 
 # the arrays of a recording, each a dataset of a file
-ARRAYS = ("actions", "rewards", "flags", "digests", "states", "key_frames")
+ARRAYS = ("actions", "disturbed", "rewards", "flags", "digests", "states", "key_frames")
+# the one of them that does not follow from level and actions
+UNREPEATED = "disturbed"
 
 
 def key_frame_steps(steps: int, every: int) -> np.ndarray:
@@ -92,7 +102,7 @@ def record(
     done = False
     while not done and (action := player.act(env)) is not None:
         _, reward, terminated, truncated, info = env.step(action)
-        tape.add(action, reward, info["flags"])
+        tape.add(action, player.disturbed, reward, info["flags"])
         tape.look(env)
         done = terminated or truncated
     return tape.wind_up(env)
@@ -103,6 +113,7 @@ class _Tape:
 
     def __init__(self, env: ManipulationEnv, joints: int, store: StoreConfig) -> None:
         self._actions: list[np.ndarray] = []
+        self._disturbed: list[bool] = []
         self._rewards: list[float] = []
         self._flags: list[tuple[bool, ...]] = []
         self._store, self._joints = store, joints
@@ -113,9 +124,10 @@ class _Tape:
         self._digests: list[int] = []
         self._frames: list[np.ndarray] = []
 
-    def add(self, action: np.ndarray, reward: float, flags: Mapping[str, bool]) -> None:
+    def add(self, action: np.ndarray, disturbed: bool, reward: float, flags: Mapping[str, bool]) -> None:
         """Take down a step."""
         self._actions.append(action)
+        self._disturbed.append(disturbed)
         self._rewards.append(reward)
         self._flags.append(tuple(flags.values()))
 
@@ -135,6 +147,7 @@ class _Tape:
         size, flags = env.control.size, env.task.flag_names
         return Recording(
             actions=np.array(self._actions, dtype=np.float32).reshape(-1, size),
+            disturbed=np.array(self._disturbed, dtype=np.bool_),
             rewards=np.array(self._rewards, dtype=np.float64),
             flags=np.array(self._flags, dtype=np.bool_).reshape(-1, len(flags)),
             digests=np.array(self._digests, dtype=np.uint64),

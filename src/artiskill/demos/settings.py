@@ -27,7 +27,7 @@ class ExpertInfo:
     Attributes:
         name: of its class.
         kind: `controller`, for one that follows rules.
-        config_hash: of its configuration.
+        config_hash: of its configuration, and of what varies in it and disturbs it.
     """
 
     name: str
@@ -42,10 +42,12 @@ class Settings:
     Attributes:
         task: name of the task.
         control_mode: of the actions.
-        per_object: successful trajectories that are wanted of each object.
+        per_object: successful trajectories that are wanted of each object; None where they are of each target.
+        per_target: successful trajectories that are wanted of each target; else None.
         first_level: of every object.
         targets: only these links; None for all that the task can be done with.
         keep_failures: whether failed attempts are stored, too.
+        variety: whether the expert's manner differs from episode to episode, and it is disturbed now and then.
         config: resolved configuration of the task.
         config_hash: of it, and of the robot's.
         expert: who acted.
@@ -56,10 +58,12 @@ class Settings:
 
     task: str
     control_mode: str
-    per_object: int
+    per_object: int | None
+    per_target: int | None
     first_level: int
     targets: tuple[str, ...] | None
     keep_failures: bool
+    variety: bool
     config: dict[str, Any]
     config_hash: str
     expert: ExpertInfo
@@ -119,6 +123,11 @@ class Settings:
 def task_hash(task: Task) -> str:
     """Of its resolved configuration and its robot's."""
     return mapping_hash({"task": to_mapping(task.config), "robot": to_mapping(task.robot)})
+
+
+def settings_hash(settings: Any) -> str:
+    """Of a dataclass of settings, as a file keeps them."""
+    return mapping_hash(to_mapping(settings))
 
 
 def mapping_hash(values: Any) -> str:

@@ -1,7 +1,7 @@
 """Attempts of objects that are not finished, one file each: what a killed collector leaves to the next one."""
 
 import json
-import shutil
+import tokenize
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -11,10 +11,24 @@ import numpy as np
 from artiskill.demos.attempts import Attempt
 from artiskill.demos.columns import Columns
 from artiskill.demos.recording import ARRAYS, Recording
+from artiskill.demos.unfinished import UNFINISHED, remove_unfinished
 from artiskill.errors import DemoError
 from artiskill.jobs.whole_files import remove_leftovers, whole_file
 
-STAGING_FOLDER = ".unfinished"
+# what numpy raises of damaged files
+_DAMAGED = (
+    OSError,
+    EOFError,
+    ValueError,
+    KeyError,
+    TypeError,
+    AttributeError,
+    RuntimeError,
+    MemoryError,
+    SyntaxError,
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+)
 
 
 class Staging:
@@ -22,13 +36,18 @@ class Staging:
 
     Args:
         folder: of the demonstrations.
+        settings_hash: of the collection's settings.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder / STAGING_FOLDER
+    def __init__(self, folder: Path, settings_hash: str) -> None:
+        self._demos, self._folder, self._settings_hash = folder, folder / UNFINISHED, settings_hash
 
-    def save(self, attempt: Attempt) -> None:
+    def save(self, attempt: Attempt, content_hash: str) -> None:
         """Keep an attempt.
+
+        Args:
+            attempt: what is kept.
+            content_hash: of its object.
 
         Raises:
             DemoError: it cannot be written; what was written before is as it was.
@@ -36,30 +55,52 @@ class Staging:
         path = self._folder / attempt.object / f"{attempt.target}.{attempt.level}.npz"
         recording = attempt.recording
         arrays = {} if recording is None else {name: getattr(recording, name) for name in ARRAYS}
+        about = _about(attempt) | {"content_hash": content_hash, "settings_hash": self._settings_hash}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             with whole_file(path) as temporary, temporary.open("wb") as file:
-                np.savez(file, about=np.array(json.dumps(_about(attempt))), **arrays)
+                np.savez(file, about=np.array(json.dumps(about)), **arrays)
         except OSError as error:
             raise DemoError(
                 f"cannot write to {str(path.parent)!r}: {error.strerror or error}; all that was collected "
                 "before is kept: the same command goes on from there"
             ) from error
 
-    def load(self, object_id: str) -> list[Attempt]:
-        """All attempts at an object that can be read; others are as if they had never been made."""
+    def load(self, object_id: str, content_hash: str) -> list[Attempt]:
+        """All attempts at an object that can be read; others are as if they had never been made.
+
+        Args:
+            object_id: of the object.
+            content_hash: of the object.
+
+        Raises:
+            DemoError: some were made with another object of this id, or with other settings.
+        """
         folder = self._folder / object_id
         if not folder.is_dir():
             return []
         remove_leftovers(folder)
-        found = [_read(path) for path in sorted(folder.glob("*.npz"))]
-        return [attempt for attempt in found if attempt is not None]
+        read = [found for path in sorted(folder.glob("*.npz")) if (found := _read(path)) is not None]
+        for _, hashes in read:
+            self._check(folder, object_id, hashes, content_hash)
+        return [attempt for attempt, _ in read]
 
     def remove(self, object_id: str) -> None:
         """Forget the attempts at an object, whose file is finished."""
-        shutil.rmtree(self._folder / object_id, ignore_errors=True)
-        if self._folder.is_dir() and not any(self._folder.iterdir()):
-            self._folder.rmdir()
+        remove_unfinished(self._demos, object_id)
+
+    def _check(self, folder: Path, object_id: str, hashes: tuple[str, str], content_hash: str) -> None:
+        """See whether an attempt belongs to this collection."""
+        told = (
+            (f"with another {object_id!r}: its content hash was", hashes[0], content_hash),
+            ("with other settings: their hash was", hashes[1], self._settings_hash),
+        )
+        for what, there, here in told:
+            if there != here:
+                raise DemoError(
+                    f"{str(folder)!r} holds attempts made {what} {there}, now it is {here}; "
+                    "choose another folder, or remove this one to make them anew"
+                )
 
 
 def _about(attempt: Attempt) -> dict[str, Any]:
@@ -71,17 +112,19 @@ def _about(attempt: Attempt) -> dict[str, Any]:
     return about
 
 
-def _read(path: Path) -> Attempt | None:
+def _read(path: Path) -> tuple[Attempt, tuple[str, str]] | None:
+    """An attempt, and the hashes of its object and settings; None if the file is damaged."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             about = json.loads(str(file["about"]))
-            layout = [Columns.from_list(about.pop(name, ())) for name in ("state_columns", "key_frame_columns")]
-            arrays = {name: file[name] for name in ARRAYS if name in file.files}
-            return Attempt(
-                **about,
-                recording=Recording(**arrays, state_columns=layout[0], key_frame_columns=layout[1])
-                if arrays
-                else None,
+            hashes = str(about.pop("content_hash")), str(about.pop("settings_hash"))
+            if "state_columns" not in about:
+                return Attempt(**about, recording=None), hashes
+            states, frames = (
+                Columns.from_list(about.pop(name)) for name in ("state_columns", "key_frame_columns")
             )
-    except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
+            arrays = {name: file[name] for name in ARRAYS}
+            recording = Recording(**arrays, state_columns=states, key_frame_columns=frames)
+            return Attempt(**about, recording=recording), hashes
+    except _DAMAGED:
         return None

@@ -11,6 +11,7 @@ from artiskill.config import to_mapping
 from artiskill.demos.coverage import BIN_M, JOINT_BINS, REACH_M, Visits
 from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.demos import Demos
+from artiskill.demos.hdf5 import reading
 from artiskill.demos.header import TargetCount
 from artiskill.demos.settings import Settings
 
@@ -110,7 +111,8 @@ def folder_stats(folder: Path | str, on_object: Callable[[], None] | None = None
     demos = Demos(folder)
     found = []
     for file in demos.files():
-        found.append(_object_stats(file))
+        with reading(file.path, "what is counted"):
+            found.append(_object_stats(file))
         if on_object is not None:
             on_object()
     return Stats(demos.manifest.settings, tuple(found))

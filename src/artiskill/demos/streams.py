@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from artiskill.demos.config import PatienceConfig
+from artiskill.tasks.levels import MAX_LEVEL
 
 
 @dataclass
@@ -44,8 +45,7 @@ class Stream:
         missing = self.wanted - self.successes - len(self.handed_out)
         levels: list[int] = []
         number = 0
-        while len(levels) < min(most, missing):
-            level = self.level(number)
+        while len(levels) < min(most, missing) and (level := self.level(number)) <= MAX_LEVEL:
             if level not in self.outcomes and level not in self.handed_out:
                 levels.append(level)
             number += 1
@@ -64,9 +64,14 @@ class Stream:
 
     @property
     def end(self) -> int | None:
-        """How many attempts count, in the levels' order; None if that is not known yet."""
+        """How many attempts count, in the levels' order; None if that is not known yet.
+
+        A target that runs out of levels is given up.
+        """
         successes = attempts = 0
         while successes < self.wanted and not self.patience.gives_up(attempts, successes):
+            if self.level(attempts) > MAX_LEVEL:
+                break
             success = self.outcomes.get(self.level(attempts))
             if success is None:
                 return None

@@ -14,7 +14,7 @@ from artiskill.envs.state import EnvState
 from artiskill.errors import DemoError
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Trajectory:
     """One episode of T steps.
 
@@ -23,7 +23,7 @@ class Trajectory:
         name: as errors call it.
         target: link.
         level: of the episode.
-        recording: actions, rewards, flags, digests, states and key frames.
+        recording: actions, whether they were disturbed, rewards, flags, digests, states and key frames.
     """
 
     header: Header
@@ -31,6 +31,11 @@ class Trajectory:
     target: str
     level: int
     recording: Recording
+
+    def __repr__(self) -> str:
+        """One line."""
+        end = "solved" if self.success else "not solved"
+        return f"Trajectory({self.name}: {self.target}, level {self.level}, {len(self)} steps, {end})"
 
     def __len__(self) -> int:
         """Steps, T."""
@@ -40,6 +45,11 @@ class Trajectory:
     def actions(self) -> np.ndarray:
         """(T, A) float32, in the control mode of the header's settings."""
         return self.recording.actions
+
+    @property
+    def disturbed(self) -> np.ndarray:
+        """(T,) bool, which actions are not what the expert wanted; learners leave these out."""
+        return self.recording.disturbed
 
     @property
     def rewards(self) -> np.ndarray:

@@ -9,11 +9,13 @@ import numpy as np
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.demonstrator import Replay
+from artiskill.demos.header import object_facts
 from artiskill.demos.manifest import FileEntry, check_file, read_manifest
-from artiskill.demos.recording import ARRAYS, Recording, record
+from artiskill.demos.recording import ARRAYS, UNREPEATED, Recording, record
+from artiskill.demos.settings import Settings, plain
 from artiskill.demos.trajectory import Trajectory
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.errors import ArtiSkillError, ConfigError, DemoError, DivergedError
+from artiskill.errors import ArtiSkillError, ConfigError, DemoError
 from artiskill.jobs.parallel import run_jobs
 
 _JOB_TRAJECTORIES = 25
@@ -57,7 +59,9 @@ def verify(
     """Simulate every trajectory of a folder again, and compare every bit of it.
 
     Compared are the digests of all states, the exact states, rewards and flags, whether it was solved where
-    it ends, the hash of the object's content, the task's configuration, the manifest's counts and checksums.
+    it ends, the hash of the object's content and the facts about it, the task's configuration, the names of flags
+    and columns, the manifest's settings, counts and checksums. Which actions were disturbed does not follow from
+    them: of this only the form is compared.
 
     Args:
         folder: with a manifest.
@@ -80,7 +84,7 @@ def verify(
     jobs: list[_Job] = []
     for name, entry in manifest.files.items():
         path = folder / name
-        fault = _fault_of_file(folder, name, entry, given.get(entry.object))
+        fault = _fault_of_file(path, entry, manifest.settings, given.get(entry.object))
         parts[str(path)] = [Verdict(str(path), entry.object, 0, 0, 0, (fault,) if fault else ())]
         if not fault:
             numbers = tuple(range(entry.trajectories))
@@ -99,7 +103,7 @@ def differences(trajectory: Trajectory, env: ManipulationEnv, obj: ArticulatedOb
     settings = trajectory.header.settings
     try:
         found = record(env, obj, trajectory.level, trajectory.target, Replay(trajectory.actions), settings.store)
-    except DivergedError as error:
+    except ArtiSkillError as error:  # it diverges, or there is no such level, target or action
         return str(error)
     return "; ".join(_different(trajectory.recording, found))
 
@@ -108,38 +112,53 @@ def _different(stored: Recording, found: Recording) -> Iterator[str]:
     if len(found.actions) != len(stored.actions):
         yield f"the episode ends after {len(found.actions)} steps, not {len(stored.actions)}"
         return
+    for name in ("state_columns", "key_frame_columns"):
+        if getattr(stored, name) != getattr(found, name):
+            yield f"the file's {name} are other ones"
     for name in ARRAYS:
         ours, theirs = getattr(stored, name), getattr(found, name)
         if ours.shape != theirs.shape or ours.dtype != theirs.dtype:
             yield f"{name} are {theirs.dtype} {theirs.shape}, not {ours.dtype} {ours.shape}"
-        elif ours.tobytes() != theirs.tobytes():
+        elif name != UNREPEATED and ours.tobytes() != theirs.tobytes():
             unequal = np.flatnonzero((ours != theirs).reshape(len(ours), -1).any(axis=1))
             where = f" from row {unequal[0]} on" if len(unequal) else ""
             yield f"{name} differ{where}"
 
 
-def _fault_of_file(folder: Path, name: str, entry: FileEntry, given: ArticulatedObject | None) -> str:
+def _fault_of_file(path: Path, entry: FileEntry, settings: Settings, given: ArticulatedObject | None) -> str:
     """What is wrong with a file before anything is simulated; empty if nothing is."""
     try:
-        check_file(folder, name, entry)
-        with DemoFile(folder / name) as file:
+        check_file(path.parent, path.name, entry)
+        with DemoFile(path) as file:
+            file.check_settings(settings)
             _check_counts(file, entry)
-            file.load_object(given)
-            file.header.settings.make_task()
+            _check_names(file, file.load_object(given))
     except ArtiSkillError as error:
         return str(error)
     return ""
 
 
 def _check_counts(file: DemoFile, entry: FileEntry) -> None:
-    header, attempts = file.header, file.attempts
-    listed = (entry.object, entry.content_hash, entry.targets, entry.trajectories)
-    if listed != (header.object, header.content_hash, header.targets, len(file)):
+    header = file.header
+    listed = (entry.object, entry.content_hash, entry.targets, entry.trajectories, entry.bytes)
+    size = file.path.stat().st_size
+    if listed != (header.object, header.content_hash, header.targets, len(file), size):
         raise DemoError(f"{str(file.path)!r} holds something else than the manifest says")
+    attempts = file.attempts
     for k, count in enumerate(header.targets):
         rows = attempts[attempts["target"] == k]
         if (len(rows), int(rows["success"].sum())) != (count.attempts, count.successes):
             raise DemoError(f"{str(file.path)!r}: the attempts at {count.target} do not add up")
+
+
+def _check_names(file: DemoFile, obj: ArticulatedObject) -> None:
+    """What readers may want to know of object and flags, against the object and the task."""
+    header = file.header
+    if header.facts != plain(object_facts(obj)):
+        raise DemoError(f"{str(file.path)!r} has other facts than {obj.id!r}: {header.facts}")
+    flags = header.settings.make_task().flag_names
+    if header.flag_names != flags:
+        raise DemoError(f"{str(file.path)!r} has flags {header.flag_names}, the task {flags}")
 
 
 def _verify_part(job: _Job, tell: Callable[[bool], None]) -> Verdict:
@@ -147,23 +166,31 @@ def _verify_part(job: _Job, tell: Callable[[bool], None]) -> Verdict:
     with DemoFile(job.path) as file:
         obj = file.load_object(job.given)
         env = file.make_env(obj=obj)
-        listed = {int(row["trajectory"]): row for row in file.attempts}
+        listed = _listed(file)
         for number in job.numbers:
-            row = listed.get(number)
             try:
                 trajectory = file.trajectory(number)
                 fault = differences(trajectory, env, obj)
-                told = (trajectory.level, trajectory.success, len(trajectory))
+                told = (trajectory.target, trajectory.level, trajectory.success, len(trajectory))
                 steps += len(trajectory)
             except DemoError as error:
-                fault, told = str(error), (-1, False, 0)
-            if not fault and (row is None or told != (row["level"], bool(row["success"]), row["steps"])):
+                fault, told = str(error), None
+            if not fault and told != listed.get(number):
                 fault = "it is not what the table of attempts says"
             if fault:
                 faults.append(f"trajectory {number}: {fault}")
             exact += not fault
             tell(not fault)
     return Verdict(str(job.path), job.object, len(job.numbers), steps, exact, tuple(faults))
+
+
+def _listed(file: DemoFile) -> dict[int, tuple[str, int, bool, int]]:
+    """Number of a trajectory -> target, level, success and steps that the table of attempts says."""
+    names = [count.target for count in file.header.targets]
+    return {
+        int(row["trajectory"]): (names[row["target"]], int(row["level"]), bool(row["success"]), int(row["steps"]))
+        for row in file.attempts
+    }
 
 
 def _total(verdicts: list[Verdict]) -> Verdict:

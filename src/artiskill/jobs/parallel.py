@@ -11,6 +11,7 @@ from artiskill.errors import PolicyError
 from artiskill.jobs.workers import Worker, start_workers, stop_workers
 
 _POLL_S = 0.05
+_HINT = "the policy ended it, or memory ran out; try 1 worker"
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -74,8 +75,18 @@ def run_source(
     on_news: Tell | None = None,
     describe: Callable[[Any], str] = str,
     own_process: bool = False,
+    hint: str = _HINT,
 ) -> None:
     """`run_jobs` of jobs that a source names one by one, until it names none and all have finished.
+
+    Args:
+        function: as in `run_jobs`, as the other ones.
+        source: of the jobs.
+        workers: processes.
+        on_news: called with all news.
+        describe: a job's name, for errors.
+        own_process: have one worker, too, be another process.
+        hint: why a worker may have ended by itself, and what to do then.
 
     Raises:
         ArtiSkillError: as `run_jobs`.
@@ -88,7 +99,7 @@ def run_source(
             source.finished(number, function(job, on_news))
             number += 1
         return
-    crew = _Crew(source, on_news, describe)
+    crew = _Crew(source, on_news, describe, hint)
     try:
         crew.run(function, max(1, workers))
     except KeyboardInterrupt as interrupt:
@@ -120,9 +131,9 @@ class _ListedJobs:
 class _Crew:
     """Workers, and the jobs that they were given so far."""
 
-    def __init__(self, source: JobSource, on_news: Tell, describe: Callable[[Any], str]) -> None:
+    def __init__(self, source: JobSource, on_news: Tell, describe: Callable[[Any], str], hint: str) -> None:
         self.workers: list[Worker] = []
-        self._source, self._on_news, self._describe = source, on_news, describe
+        self._source, self._on_news, self._describe, self._hint = source, on_news, describe, hint
         self._given: list[Any] = []
         self._has_next = True
 
@@ -182,10 +193,7 @@ class _Crew:
                 f"a worker process could not start ({how}); a script that uses several workers must keep its own "
                 "work under `if __name__ == '__main__':`; or use 1 worker"
             )
-        return PolicyError(
-            f"{self.name_of(worker)}: a worker process ended by itself ({how}): "
-            "the policy ended it, or memory ran out; try 1 worker"
-        )
+        return PolicyError(f"{self.name_of(worker)}: a worker process ended by itself ({how}): {self._hint}")
 
 
 def _ignore(item: Any) -> None:

@@ -183,10 +183,11 @@ def _serve(connection: Connection, function: Callable[[Any, Any], Any]) -> None:
                 job = connection.recv()
             except (EOFError, OSError):
                 return
-            send(_outcome(function, job, send))
+            send(outcome_of(function, job, send))
 
 
-def _outcome(function: Callable[[Any, Any], Any], job: Any, send: Send) -> Message:
+def outcome_of(function: Callable[[Any, Any], Any], job: Any, send: Send) -> Message:
+    """Do a job: `done` with its result, or `failed` with an error that can be pickled and its traceback."""
     try:
         return "done", function(job, lambda item: send(("news", item)))
     except _CalledOffError:

@@ -5,6 +5,7 @@ and the action taken there; the last observation of an episode, after its last a
 """
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,12 +19,14 @@ from artiskill.demos.export.lerobot_tables import EpisodeTable, FrameTable, writ
 from artiskill.demos.export.lerobot_videos import VideoFile
 from artiskill.demos.hdf5 import reading
 from artiskill.demos.replay.training_file import TrainingFile, TrainingFiles
+from artiskill.errors import ConfigError
 
 VERSION = "v3.0"
 _FILES_PER_CHUNK = 1000
 _DATA_MB, _VIDEO_MB = 100, 200
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
+_NAME = re.compile(r"(\w[-.\w]*/)*\w[-.\w]*")
 # what a language-conditioned policy is told
 INSTRUCTIONS = {
     "OpenCabinetDoor": "Open the marked door of the cabinet.",
@@ -52,11 +55,14 @@ def export_lerobot(
 
     Raises:
         DemoError: a dataset of this name exists, the training files are damaged, or it cannot be written.
-        ConfigError: cameras of a size that the videos cannot have.
+        ConfigError: a name that is no id of LeRobot, or cameras of a size that the videos cannot have.
         MissingExtraError: pyarrow or imageio-ffmpeg is not installed.
     """
     settings = training.settings
-    name = name or f"artiskill/{settings.source.task}-{settings.control_mode}-{settings.obs_mode}"
+    if name is None:
+        name = f"artiskill/{settings.source.task}-{settings.control_mode}-{settings.obs_mode}"
+    if not _NAME.fullmatch(name):
+        raise ConfigError(f"an id of LeRobot looks like artiskill/doors, not {name!r}")
     check_not_empty(training)
     layout = Layout(settings, training.spaces)
     path = home / name
@@ -82,10 +88,12 @@ class _Export:
     def write(self, training: TrainingFiles, tell: Callable[[], None]) -> None:
         """Everything."""
         try:
-            for source in training.files():
+            for source in training.files(check=True):
                 for group in source.groups:
                     self._episode(source, group)
                     tell()
+            for video in self._videos.values():
+                video.finish()
         finally:
             self._frames.close()
             for video in self._videos.values():

@@ -71,6 +71,7 @@ class Layout:
                 action_names(settings.control_mode, len(task.robot.mounts)),
                 lambda group: group["actions"][()],
             ),
+            Feature("disturbed", "bool", (1,), None, lambda group: group["disturbed"][()]),
             Feature("next.reward", "float32", (1,), None, lambda group: group["rewards"][()].astype(np.float32)),
             Feature("next.done", "bool", (1,), None, lambda group: group["dones"][()]),
             Feature("next.success", "bool", (1,), None, lambda group: group["success"][()]),

@@ -74,7 +74,7 @@ def export_minari(
             "dataset_size": round(size / _MEGA, 1),
             "observation_space": json.dumps(space_values(observations)),
             "action_space": json.dumps(space_values(actions)),
-            "env_spec": env_spec(settings, sorted(entry.object for entry in training.manifest.files.values())),
+            "env_spec": env_spec(settings, sorted(entry.name for entry in training.manifest.files.values())),
             "algorithm_name": source.expert.name,
             "author": ["ArtiSkill"],
             "requirements": [f"artiskill=={source.versions['artiskill']}"],
@@ -90,7 +90,10 @@ def export_minari(
 def env_spec(settings: ReplaySettings, objects: list[str]) -> str:
     """What `recover_environment` makes the environment from, JSON.
 
-    Objects that no id leads to are not in it.
+    Args:
+        settings: of the training files.
+        objects: names for `load_object`. One's own object, which no name leads to, has its id here, and whoever
+            recovers the environment must pass it himself: `recover_environment(objects=...)`.
     """
     env = gym.make(
         f"{NAMESPACE}/{settings.source.task}-v0",
@@ -127,7 +130,7 @@ def space_values(space: gym.Space[Any]) -> dict[str, Any]:
 def _write_episodes(file: Any, training: TrainingFiles, tell: Callable[[], None]) -> int:
     """All episodes, in the order of the files; how many steps they have."""
     steps = number = 0
-    for source in training.files():
+    for source in training.files(check=True):
         for group in source.groups:
             with reading(source.path, group.name):
                 steps += _write_episode(file.create_group(f"episode_{number}"), source, group, number)
@@ -148,7 +151,8 @@ def _write_episode(episode: Any, source: TrainingFile, group: Any, number: int) 
         group.copy(f"obs/{STATE}", episode, name="observations")
     infos = episode.create_group("infos")
     infos["success"] = np.concatenate(([False], success))
+    infos["disturbed"] = np.concatenate(([False], group["disturbed"][()]))
     about = {"id": number, "seed": int(group.attrs["level"]), "total_steps": len(dones)}
-    options = {"object": source.object, "target": str(group.attrs["target"]), "level": about["seed"]}
+    options = {"object": source.name, "target": str(group.attrs["target"]), "level": about["seed"]}
     episode.attrs.update(about | {f"options/{key}": value for key, value in options.items()})
     return len(dones)

@@ -1,5 +1,6 @@
 """Trajectories of one object that a worker replays at a stretch, into a file of their own."""
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,13 +10,16 @@ import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.demos.demo_file import DemoFile
-from artiskill.demos.hdf5 import new_whole_file, open_file, reading
+from artiskill.demos.hdf5 import new_whole_file, reading, writing
+from artiskill.demos.manifest import sha256_of
 from artiskill.demos.replay.episodes import Outcome, restore, simulate
 from artiskill.demos.replay.layout import TrajectoryWriter
 from artiskill.demos.replay.settings import SIMULATE, ReplaySettings
+from artiskill.demos.settings import settings_hash
 from artiskill.envs.control import Control
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import DemoError
+from artiskill.jobs.whole_files import whole_file
 
 OUTCOMES, SOURCE = "outcomes", "source_sha256"
 # a row of the dataset `outcomes`; `source` is the trajectory's number in the demonstrations, `trajectory` that in
@@ -56,7 +60,7 @@ class Block:
         object: whose they are.
         given: the object, where no name leads to it.
         numbers: of the trajectories.
-        part: where to write them.
+        part: where to write them; beside it, in `*.json`, what it was made from and its checksum.
     """
 
     settings: ReplaySettings
@@ -73,15 +77,45 @@ class Block:
         return f"object {self.object}, trajectories from {self.numbers[0]}"
 
     def is_done(self) -> bool:
-        """Whether its file is there, whole, and made from the same demonstrations."""
-        if not self.part.is_file():
-            return False
+        """Whether its file is there, whole, and made from the same demonstrations with the same settings."""
         try:
-            with open_file(self.part) as file:
-                is_ours = file.attrs.get(SOURCE) == self.source_sha256
-                return bool(is_ours and file[OUTCOMES]["source"].tolist() == list(self.numbers))
-        except (DemoError, KeyError, OSError, RuntimeError):
+            return bool(json.loads(self._seal_path.read_text(encoding="utf-8")) == self._seal_content())
+        except (DemoError, OSError, ValueError):
             return False
+
+    def seal(self) -> None:
+        """Write down what the file was made from, and its checksum.
+
+        Raises:
+            DemoError: it cannot be written.
+        """
+        with writing(self._seal_path), whole_file(self._seal_path) as temporary:
+            temporary.write_text(json.dumps(self._seal_content()) + "\n", encoding="utf-8")
+
+    def check(self) -> None:
+        """See whether the file is as it was when it was sealed.
+
+        Raises:
+            DemoError: it is not; it is replayed again next time.
+        """
+        if not self.is_done():
+            raise DemoError(
+                f"{str(self.part)!r} was changed or damaged since it was written; "
+                "the same command replays its trajectories again"
+            )
+
+    @property
+    def _seal_path(self) -> Path:
+        return self.part.with_suffix(".json")
+
+    def _seal_content(self) -> dict[str, Any]:
+        """What the file as it is now is made from, and its checksum."""
+        return {
+            SOURCE: self.source_sha256,
+            "settings_hash": settings_hash(self.settings),
+            "numbers": list(self.numbers),
+            "sha256": sha256_of(self.part),
+        }
 
 
 def run_block(block: Block, tell: Callable[[Replayed], None]) -> None:
@@ -101,8 +135,8 @@ def run_block(block: Block, tell: Callable[[Replayed], None]) -> None:
                 outcome = _replay_one(file, demos, number, env, obj, source, settings)
                 outcomes.append(outcome)
                 tell(Replayed(outcome.steps + 1, outcome.success))
-            file.attrs[SOURCE] = block.source_sha256
             file.create_dataset(OUTCOMES, data=outcome_table(outcomes))
+    block.seal()
 
 
 def outcome_table(outcomes: list[Outcome]) -> np.ndarray:

@@ -23,7 +23,8 @@ class Outcome:
     Attributes:
         source: its number in the file of demonstrations.
         success: whether it is solved.
-        exact: whether it ends in the recorded state, bit for bit; of the way `restore`, of the same actions.
+        exact: whether it is the recorded one, bit for bit; a restored one only where all of its states are stored
+            exactly.
         steps: that it has now.
         clipped: actions that could not ask for the recorded drive targets.
         kept: whether it is in the training file.
@@ -83,12 +84,13 @@ def simulate(
     observation, info = env.reset(options={"level": trajectory.level, "object": obj, "target": trajectory.target})
     player.begin(env)
     writer.observe(observation)
-    done, fault = False, ""
+    disturbed, done, fault = trajectory.disturbed, False, ""
     try:
         while not done and (action := player.act(env)) is not None:
             observation, reward, terminated, truncated, info = env.step(action)
-            done = terminated or truncated
-            writer.step(action, reward, done, info["success"])
+            done, step = terminated or truncated, len(writer)
+            is_disturbed = step < len(disturbed) and disturbed[step]  # a retargeted one may take longer
+            writer.step(action, is_disturbed, reward, done, info["success"])
             writer.observe(observation)
     except DivergedError as error:
         fault = str(error)
@@ -135,6 +137,8 @@ def restore(
             simulation = placed(state.simulation, scene, values, env.snapshot)
             state = replace(state, simulation=simulation, elapsed=step)
         observation, _ = env.restore_state(state)
-        writer.step(action, recording.rewards[step - 1], step == steps, solved[step - 1])
+        k = step - 1
+        writer.step(action, recording.disturbed[k], recording.rewards[k], step == steps, solved[k])
         writer.observe(observation)
-    return Outcome(number, trajectory.success, source.mode == env.control.mode, len(trajectory), clipped)
+    is_exact = source.mode == env.control.mode and len(exact) == steps + 1
+    return Outcome(number, trajectory.success, is_exact, steps, clipped)

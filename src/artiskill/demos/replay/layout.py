@@ -1,7 +1,8 @@
 """A trajectory of a training file, written while it is played.
 
-`traj_<i>` has `obs` as the environment nests it, T + 1 rows, and T rows of `actions`, `rewards`, `dones` and
-`success`. In the visual modes `obs/state` is another name of `obs/agent`, that of ManiSkill's own loaders.
+`traj_<i>` has `obs` as the environment nests it, T + 1 rows, and T rows of `actions`, `disturbed`, `rewards`,
+`dones` and `success`. In the visual modes `obs/state` is another name of `obs/agent`, that of ManiSkill's own
+loaders.
 """
 
 from typing import Any
@@ -54,6 +55,7 @@ class TrajectoryWriter:
         if AGENT in self._leaves:
             folder[STATE] = folder[AGENT]
         self._actions: list[np.ndarray] = []
+        self._disturbed: list[bool] = []
         self._rewards: list[float] = []
         self._dones: list[bool] = []
         self._successes: list[bool] = []
@@ -63,9 +65,10 @@ class TrajectoryWriter:
         for path, frames in self._leaves.items():
             frames.add(leaf_of(observation, path))
 
-    def step(self, action: np.ndarray, reward: float, done: bool, success: bool) -> None:
+    def step(self, action: np.ndarray, disturbed: bool, reward: float, done: bool, success: bool) -> None:
         """A step; its observation follows."""
         self._actions.append(np.asarray(action, dtype=np.float32))
+        self._disturbed.append(bool(disturbed))
         self._rewards.append(float(reward))
         self._dones.append(bool(done))
         self._successes.append(bool(success))
@@ -76,6 +79,7 @@ class TrajectoryWriter:
             frames.flush()
         level = self._compression
         write_compressed(self._group, "actions", np.array(self._actions, np.float32).reshape(-1, size), level)
+        write_compressed(self._group, "disturbed", np.array(self._disturbed, np.bool_), level)
         write_compressed(self._group, "rewards", np.array(self._rewards, np.float64), level)
         write_compressed(self._group, "dones", np.array(self._dones, np.bool_), level)
         write_compressed(self._group, "success", np.array(self._successes, np.bool_), level)

@@ -4,10 +4,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from artiskill.demos.json_files import read_json, write_json
+from artiskill.demos.manifest import sha256_of
 from artiskill.demos.replay.episodes import OutcomeCounts
 from artiskill.demos.replay.settings import ReplaySettings
+from artiskill.errors import DemoError
 
-FORMAT, SCHEMA_VERSION = "artiskill-training", 1
+FORMAT, SCHEMA_VERSION = "artiskill-training", 2
 WHAT = "training files"
 
 
@@ -17,6 +19,7 @@ class TrainingEntry:
 
     Attributes:
         object: whose trajectories it holds.
+        name: of the object, as `load_object` takes it.
         content_hash: of the object.
         source_sha256: of the file of demonstrations.
         sha256: of the file.
@@ -27,6 +30,7 @@ class TrainingEntry:
     """
 
     object: str
+    name: str
     content_hash: str
     source_sha256: str
     sha256: str
@@ -69,3 +73,13 @@ def write_training_manifest(manifest: TrainingManifest, folder: Path) -> None:
         DemoError: it cannot be written.
     """
     write_json(manifest, folder, FORMAT, SCHEMA_VERSION)
+
+
+def check_training_file(folder: Path, name: str, entry: TrainingEntry) -> None:
+    """Compare a file with its entry.
+
+    Raises:
+        DemoError: it is missing, or another one.
+    """
+    if sha256_of(folder / name) != entry.sha256:
+        raise DemoError(f"{str(folder / name)!r} was changed or damaged: remove it and replay again")

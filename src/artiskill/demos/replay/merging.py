@@ -13,13 +13,16 @@ from artiskill.demos.replay.manifest import FORMAT, SCHEMA_VERSION, TrainingEntr
 from artiskill.demos.replay.settings import ReplaySettings
 
 
-def merge(path: Path, blocks: Sequence[Block], source: FileEntry, settings: ReplaySettings) -> TrainingEntry:
+def merge(
+    path: Path, blocks: Sequence[Block], source: FileEntry, object_name: str, settings: ReplaySettings
+) -> TrainingEntry:
     """Write the file; what is compressed is copied as it is.
 
     Args:
         path: of the file.
         blocks: replayed, in order.
         source: of the demonstrations.
+        object_name: as `load_object` takes it.
         settings: of the training files.
 
     Raises:
@@ -27,6 +30,8 @@ def merge(path: Path, blocks: Sequence[Block], source: FileEntry, settings: Repl
     """
     outcomes: list[Outcome] = []
     frames = kept = 0
+    for block in blocks:
+        block.check()
     with new_large_file(path, sum(block.part.stat().st_size for block in blocks)) as file:
         for block in blocks:
             with open_file(block.part) as part:
@@ -41,6 +46,7 @@ def merge(path: Path, blocks: Sequence[Block], source: FileEntry, settings: Repl
                 "format": FORMAT,
                 "schema_version": SCHEMA_VERSION,
                 "object": source.object,
+                "name": object_name,
                 "content_hash": source.content_hash,
                 SOURCE: source.sha256,
                 "settings": json.dumps(to_mapping(settings)),
@@ -48,6 +54,7 @@ def merge(path: Path, blocks: Sequence[Block], source: FileEntry, settings: Repl
         )
     return TrainingEntry(
         object=source.object,
+        name=object_name,
         content_hash=source.content_hash,
         source_sha256=source.sha256,
         sha256=sha256_of(path),

@@ -1,7 +1,6 @@
 """Training files from demonstrations; whatever ends it, the same command goes on from where it was."""
 
 import math
-import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,20 +9,25 @@ from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.config import check
 from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.demos import Demos
-from artiskill.demos.json_files import MANIFEST
-from artiskill.demos.manifest import FileEntry, check_file, sha256_of
+from artiskill.demos.manifest import FileEntry, check_file
 from artiskill.demos.replay.blocks import Block, Replayed, run_block
 from artiskill.demos.replay.choice import choose, select
 from artiskill.demos.replay.layout import leaf_spaces
-from artiskill.demos.replay.manifest import TrainingManifest, read_training_manifest, write_training_manifest
+from artiskill.demos.replay.manifest import (
+    WHAT,
+    TrainingManifest,
+    check_training_file,
+    read_training_manifest,
+    write_training_manifest,
+)
 from artiskill.demos.replay.merging import merge
 from artiskill.demos.replay.settings import ReplaySettings
+from artiskill.demos.unfinished import UNFINISHED, WORKER_HINT, check_manifest, remove_unfinished
 from artiskill.errors import DemoError
 from artiskill.jobs.parallel import run_source
 from artiskill.jobs.reservation import reserved
 from artiskill.jobs.whole_files import remove_leftovers
 
-UNFINISHED = ".unfinished"
 # Trajectories that a worker replays at a stretch, and keeps in memory: so many, or fewer if their observations may
 # take more than this, before they are compressed. Both are constants: where in a file things lie depends on them.
 _BLOCK_TRAJECTORIES, _BLOCK_BYTES = 10, 500_000_000
@@ -69,12 +73,19 @@ def replay(
         check_is_other, f"{str(folder)!r} holds the demonstrations; choose another folder for the training files"
     )
     settings.make_task()
-    with reserved(folder, "replay"):
+    with reserved(folder, "collector or replay"):
         replaying = Replaying(source, folder, settings, objects, on_replayed or (lambda news: None))
         if on_start is not None:
             on_start(replaying)
         replaying.finish_ready()
-        run_source(run_block, replaying, workers, replaying.take_in, describe=lambda block: block.label)
+        run_source(
+            run_block,
+            replaying,
+            workers,
+            replaying.take_in,
+            describe=lambda block: block.label,
+            hint=WORKER_HINT,
+        )
         return replaying.manifest
 
 
@@ -84,6 +95,7 @@ class _Work:
 
     name: str
     entry: FileEntry
+    object_name: str
     blocks: list[Block]
     waiting: list[Block]
     at_work: int = 0
@@ -111,7 +123,9 @@ class Replaying:
         self._open: list[_Work] = []
         self._given: dict[int, _Work] = {}
         for name, entry, given in select(demos, objects):
-            if not self._is_finished(name, entry):
+            if self._is_finished(name, entry):
+                remove_unfinished(folder, entry.object)  # killed before it could
+            else:
                 self._open.append(self._prepare(name, entry, given))
         self.missing = sum(len(block.numbers) for work in self._open for block in work.waiting)
 
@@ -145,15 +159,16 @@ class Replaying:
                 f"{str(self._folder / name)!r} was made from other demonstrations of {source.object!r} than "
                 f"{str(self._demos.folder)!r} holds; choose another folder"
             )
-        if sha256_of(self._folder / name) != entry.sha256:
-            raise DemoError(f"{str(self._folder / name)!r} was changed or damaged: remove it and replay again")
+        check_training_file(self._folder, name, entry)
         return True
 
     def _prepare(self, name: str, entry: FileEntry, given: ArticulatedObject | None) -> _Work:
         check_file(self._demos.folder, name, entry)
         with DemoFile(self._demos.folder / name) as file:
+            file.check_settings(self._settings.source)
             size = self._block_size(file.load_object(given))
             numbers = choose(file, self._settings.count)
+            object_name = str(file.header.facts["name"])
         parts = self._folder / UNFINISHED / entry.object
         try:
             parts.mkdir(parents=True, exist_ok=True)
@@ -173,7 +188,7 @@ class Replaying:
             )
             for k in starts
         ]
-        return _Work(name, entry, blocks, [block for block in blocks if not block.is_done()])
+        return _Work(name, entry, object_name, blocks, [block for block in blocks if not block.is_done()])
 
     def _block_size(self, obj: ArticulatedObject) -> int:
         """How many trajectories a block has."""
@@ -183,19 +198,16 @@ class Replaying:
         return max(1, min(_BLOCK_TRAJECTORIES, _BLOCK_BYTES // (frame * (env.task.episode_steps + 1))))
 
     def _finish(self, work: _Work) -> None:
-        entry = merge(self._folder / work.name, work.blocks, work.entry, self._settings)
+        entry = merge(self._folder / work.name, work.blocks, work.entry, work.object_name, self._settings)
         self.manifest = self.manifest.with_file(work.name, entry)
         write_training_manifest(self.manifest, self._folder)
-        unfinished = self._folder / UNFINISHED
-        shutil.rmtree(unfinished / work.entry.object, ignore_errors=True)
-        if unfinished.is_dir() and not any(unfinished.iterdir()):
-            unfinished.rmdir()
+        remove_unfinished(self._folder, work.entry.object)
 
 
 def _open_manifest(settings: ReplaySettings, folder: Path) -> TrainingManifest:
     """The folder's manifest, which must be of these settings; a new one where there is none."""
     remove_leftovers(folder)
-    if not (folder / MANIFEST).exists():
+    if not check_manifest(folder, WHAT):
         manifest = TrainingManifest(settings)
         write_training_manifest(manifest, folder)
         return manifest

@@ -19,6 +19,7 @@ from artiskill.demos.replay.manifest import (
     SCHEMA_VERSION,
     WHAT,
     TrainingManifest,
+    check_training_file,
     read_training_manifest,
 )
 from artiskill.demos.replay.settings import ReplaySettings
@@ -34,6 +35,7 @@ class TrainingFile(OpenFile):
     Attributes:
         path: of the file.
         object: id.
+        name: of the object, as `load_object` takes it.
         settings: how it was made.
         groups: the trajectories, as h5py groups; docs/demonstrations.md says what is in them.
 
@@ -47,7 +49,7 @@ class TrainingFile(OpenFile):
 
     def _read_header(self, given: dict[str, Any]) -> None:
         check_format(given.get("format"), given.get("schema_version"), self.path, FORMAT, SCHEMA_VERSION, WHAT)
-        self.object = str(given["object"])
+        self.object, self.name = str(given["object"]), str(given["name"])
         self.settings = from_mapping(ReplaySettings, json.loads(given["settings"]), str(self.path))
         self.groups: list[Any] = [self._file[f"{TRAJECTORY}{i}"] for i in range(len(self))]
 
@@ -70,20 +72,23 @@ class TrainingFiles:
 
     Args:
         path: of the folder.
+        check: compare every file with the manifest's checksum first.
 
     Attributes:
         folder: of the files.
         manifest: how they were made, and what they hold.
 
     Raises:
-        DemoError: the folder holds no training files, or one is missing.
+        DemoError: the folder holds no training files, or one is missing or differs from its checksum.
     """
 
-    def __init__(self, path: Path | str) -> None:
+    def __init__(self, path: Path | str, check: bool = False) -> None:
         self.folder = Path(path)
         self.manifest: TrainingManifest = read_training_manifest(self.folder)
-        for name in self.manifest.files:
-            if not (self.folder / name).is_file():
+        for name, entry in self.manifest.files.items():
+            if check:
+                check_training_file(self.folder, name, entry)
+            elif not (self.folder / name).is_file():
                 raise DemoError(f"{str(self.folder / name)!r} is missing: the manifest lists it")
 
     @property
@@ -95,9 +100,18 @@ class TrainingFiles:
         """How many trajectories there are."""
         return sum(entry.trajectories for entry in self.manifest.files.values())
 
-    def files(self) -> Iterator[TrainingFile]:
-        """All files, one after the other; each is closed before the next is opened."""
-        for name in self.manifest.files:
+    def files(self, check: bool = False) -> Iterator[TrainingFile]:
+        """All files, one after the other; each is closed before the next is opened.
+
+        Args:
+            check: compare each with the manifest's checksum before it is opened.
+
+        Raises:
+            DemoError: one is damaged, or differs from its checksum.
+        """
+        for name, entry in self.manifest.files.items():
+            if check:
+                check_training_file(self.folder, name, entry)
             with TrainingFile(self.folder / name) as file:
                 yield file
 
