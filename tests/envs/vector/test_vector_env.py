@@ -71,6 +71,20 @@ def test_what_callers_write_into_their_observations_does_not_come_back() -> None
     np.testing.assert_array_equal(env.reset(options=mask)[0], twin.reset(options=mask)[0])
 
 
+def test_a_reset_of_some_shows_the_others_as_they_are_now() -> None:
+    """Restored meanwhile, or seen with other eyes, in reused arrays too."""
+    for copy in (True, False):
+        env = make(copy=copy)
+        env.reset(seed=0)
+        early = env.save_state(1)
+        before = env.step(np.ones(env.action_space.shape, np.float32))[0].copy()
+        env.restore_state(1, early)
+        mask = {"reset_mask": np.array([True, False, False]), "level": 9}
+        after, _ = env.reset(options=mask)
+        np.testing.assert_array_equal(after[2], before[2])
+        np.testing.assert_array_equal(after[1], make().reset(seed=0)[0][1])
+
+
 def test_a_closed_one_says_so() -> None:
     env = make(2, obs_mode="rgbd", config={"cameras.width": 64, "cameras.height": 48}, num_threads=2)
     env.reset(seed=0)

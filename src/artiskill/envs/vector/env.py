@@ -127,7 +127,7 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         self._episodes.evaluate()
         self._done[envs] = False
         self._sight.renew()
-        info = self._sight.look(told=mask)
+        info = self._sight.look(mask | self._sight.stale, told=mask)
         return self._sight.arrays, with_masks(info, mask)
 
     def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:

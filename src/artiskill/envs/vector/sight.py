@@ -20,23 +20,29 @@ class Sight:
 
     Attributes:
         arrays: the observations of the last call, with batch (B,).
+        stale: (B,) bool, whose part of `arrays` does not say how things are now: all, once `arrays` are new.
     """
 
     def __init__(self, episodes: Episodes, observer: VectorObserver, gives_copies: bool) -> None:
         self._episodes, self._observer, self._gives_copies = episodes, observer, gives_copies
         self._count = len(episodes.levels)
-        self.arrays = empty_observation(observer.space, (self._count,))
+        self.arrays, self.stale = (
+            empty_observation(observer.space, (self._count,)),
+            np.ones(self._count, dtype=bool),
+        )
         for env in range(self._count if episodes.begun else 0):
             self.enter(env)
 
     def enter(self, env: int) -> None:
-        """An environment has another scene or target link."""
+        """An environment has another scene, target link or state."""
+        self.stale[env] = True
         self._observer.enter(env, self._episodes.fleet.scene_of(env), self._episodes.targets[env])
 
     def renew(self) -> None:
         """Begin a call's observations: what the caller has got of the last one stays as it is."""
         if self._gives_copies:
             self.arrays = empty_observation(self._observer.space, (self._count,))
+            self.stale[:] = True
 
     def look(self, envs: np.ndarray | None = None, told: np.ndarray | None = None) -> dict[str, Any]:
         """Observe.
@@ -52,6 +58,7 @@ class Sight:
         added = self._observer.observe(
             episodes.fleet, chosen, episodes.levels, episodes.progress.elapsed, self.arrays
         )
+        self.stale[chosen] = False
         wanted = {env: info for env, info in added.items() if told is None or told[env]}
         return episodes.info() | stacked(wanted, self._count)
 
