@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object, resolve_objects
 from artiskill.assets.identity import checked_hash
@@ -14,7 +16,7 @@ from artiskill.envs.control import CONTROL_MODES, JOINT
 from artiskill.envs.manipulation import ObjectChoice
 from artiskill.errors import ConfigError, UnknownNameError, check_name
 from artiskill.experts.registry import make_expert
-from artiskill.experts.variation import load_variation
+from artiskill.experts.variation import load_variation, varied
 from artiskill.tasks.levels import MAX_LEVEL, check_level
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Task
@@ -164,7 +166,12 @@ def _count(wanted: int | None, of: str) -> int | None:
 
 def _expert_info(task: Task, variety: bool) -> ExpertInfo:
     expert = make_expert(task.name, task.robot)
-    values = {"expert": plain(expert.config), "variation": plain(load_variation(task.name)) if variety else None}
+    values: dict[str, Any] = {"expert": plain(expert.config), "variation": None}
+    if variety:
+        variation = load_variation(task.name)
+        varied(expert.config, variation.ranges, np.random.default_rng(0))  # a wrong key is an error now, not later
+        # values are drawn in the ranges' order
+        values |= {"variation": plain(variation), "order": list(variation.ranges)}
     return ExpertInfo(type(expert).__name__, CONTROLLER, mapping_hash(values))
 
 

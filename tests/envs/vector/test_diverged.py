@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from artiskill.envs.vector.env import ManipulationVectorEnv
-from artiskill.errors import DivergedError
+from artiskill.errors import DivergedError, ResetNeededError
 
 CHAIRS = ["chair-0001", "chair-0002", "chair-0002"]  # of two layouts
 STILL = np.zeros((3, 22), np.float32)
@@ -61,3 +61,36 @@ def test_restoring_mends_it(spoil: Callable[[ManipulationVectorEnv, int], None])
         env.step(STILL)
     env.restore_state(1, good)
     env.step(STILL)
+
+
+@pytest.mark.parametrize("mode", ["next_step", "same_step", "disabled"])
+@pytest.mark.parametrize("copy", [True, False])
+def test_episodes_that_end_in_that_step_are_over(
+    spoil: Callable[[ManipulationVectorEnv, int], None], mode: str, copy: bool
+) -> None:
+    env = ManipulationVectorEnv(
+        3, "PushChair", "chair-0002", num_threads=1, autoreset_mode=mode, copy=copy, config={"episode_steps": 5}
+    )
+    env.reset(seed=0)
+    late = env.save_state(0)
+    env.restore_state(0, replace(late, elapsed=4))
+    spoil(env, 2)
+    with pytest.raises(DivergedError, match=r"environments \[2\]"):
+        env.step(STILL)
+    broken = np.array([False, False, True])
+    if mode == "disabled":
+        with pytest.raises(ResetNeededError, match=r"environments \[0\]"):
+            env.step(STILL)
+        broken[0] = True
+    seen, _ = env.reset(options={"reset_mask": broken, "level": 3})
+    moved = ManipulationVectorEnv(1, "PushChair", "chair-0002", num_threads=1)
+    moved.reset(seed=1)
+    np.testing.assert_array_equal(seen[1], moved.step(STILL[:1])[0][0])
+    if mode != "disabled":
+        _, _, terminated, truncated, info = env.step(STILL)
+        assert env.save_state(0).elapsed == 0, "a new episode began"
+        assert not (terminated | truncated)[0]
+        level = info["level"][0]
+        env.step(STILL)
+        assert env.save_state(0).elapsed == 1
+        assert env.get_attr("level")[0] == level

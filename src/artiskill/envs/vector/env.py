@@ -111,7 +111,7 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             ConfigError: a level that is no integer in range, a list of another length, an illegal mask.
             UnknownNameError: an unknown option, object or target link.
         """
-        self._check_open()
+        self._sight.check_open()
         given = checked_options(options, RESET_OPTIONS)
         mask = reset_mask(given, self.num_envs)
         if not mask.all() and not self._episodes.begun:
@@ -143,16 +143,21 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         Raises:
             ActionError: actions of the wrong shape or with values that are not finite.
             ResetNeededError: called before the first `reset`, or, without automatic resets, with an episode over.
+            DivergedError: physics ran away; docs/vector.md says where the others are then.
         """
         actions = check_actions(actions, self.num_envs, self.control.size)
+        self._sight.check_open()
         self._check_begun("step()")
         resting = self._done
         if self._autoreset is AutoresetMode.DISABLED and resting.any():
             over = np.flatnonzero(resting).tolist()
             raise ResetNeededError(f"the episodes of environments {over} are over; reset them by a reset_mask")
-        self._advance(actions, resting)
-        rewards, terminated, truncated = self._episodes.outcome(self.reward_mode == "dense", resting)
-        self._done = terminated | truncated
+        self._sight.stale[:] = True
+        try:
+            self._advance(actions, resting)
+        finally:  # where one has diverged, the others have stepped
+            rewards, terminated, truncated = self._episodes.outcome(self.reward_mode == "dense", resting)
+            self._done = terminated | truncated
         self._sight.renew()
         at_once = self._autoreset is AutoresetMode.SAME_STEP and self._done.any()
         final = self._restart_at_once() if at_once else {}
@@ -168,7 +173,7 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             targets.append((squad, self.control.to_targets(rows, squad.snapshot)))
         try:
             episodes.fleet.step(targets, resting)
-        finally:  # where one has diverged, the others have stepped
+        finally:
             if resting.any():
                 self._restart(resting)
             episodes.evaluate()
@@ -189,12 +194,7 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         nothing = [None] * len(envs)
         self._start(envs, list(map(self._episodes.next_level, envs)), nothing, nothing)
 
-    def _check_open(self) -> None:
-        if self.closed:
-            raise ConfigError("this vector environment was closed: make another one")
-
     def _check_begun(self, what: str) -> None:
-        self._check_open()
         if not self._episodes.begun:
             raise ResetNeededError(f"call reset() before {what}")
 

@@ -8,6 +8,7 @@ from artiskill.envs.observation import empty_observation
 from artiskill.envs.vector.episodes import Episodes
 from artiskill.envs.vector.info import stacked
 from artiskill.envs.vector.observation import VectorObserver, copied, row_of
+from artiskill.errors import ConfigError
 
 
 class Sight:
@@ -25,7 +26,7 @@ class Sight:
 
     def __init__(self, episodes: Episodes, observer: VectorObserver, gives_copies: bool) -> None:
         self._episodes, self._observer, self._gives_copies = episodes, observer, gives_copies
-        self._count = len(episodes.levels)
+        self._count, self._is_closed = len(episodes.levels), False
         self.arrays, self.stale = (
             empty_observation(observer.space, (self._count,)),
             np.ones(self._count, dtype=bool),
@@ -64,7 +65,17 @@ class Sight:
 
     def close(self) -> None:
         """Stop the observer's threads."""
+        self._is_closed = True
         self._observer.close()
+
+    def check_open(self) -> None:
+        """See that it has not been closed.
+
+        Raises:
+            ConfigError: it has.
+        """
+        if self._is_closed:
+            raise ConfigError("this vector environment was closed: make another one")
 
     def last_of(self, envs: np.ndarray) -> np.ndarray:
         """(B,) of objects: copies of the observations of some environments, given as (B,) bool, else None."""
