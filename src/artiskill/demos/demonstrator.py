@@ -1,7 +1,5 @@
 """An expert as a demonstrator: its actions in the environment's own control mode, as they are stored."""
 
-import zlib
-
 import numpy as np
 
 from artiskill.demos.config import load_demos_config
@@ -11,10 +9,9 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.experts.disturbance import Disturbance
 from artiskill.experts.registry import Expert, make_expert
 from artiskill.experts.variation import load_variation, varied
+from artiskill.tasks.levels import Stream, level_generator
 
-# Levels use small numbers as spawn keys (`tasks.levels.Stream`); what differs by seed must not follow any of them.
-_VARIETY_STREAM = 3000
-_MANNER, _PUSHES = 0, 1
+_MANNER, _PUSHES = 0, 1  # parts of the stream
 
 
 class Demonstrator:
@@ -47,13 +44,18 @@ class Demonstrator:
         """Begin an episode at its first state."""
         config, self._disturbance = self._config, None
         if self._variation is not None:
-            config = varied(config, self._variation.ranges, _generator(env, _MANNER))
+            state = env.save_state()
+            manner, pushes = (
+                level_generator(state.level, Stream.DEMONSTRATING, part, of=(state.object, state.target))
+                for part in (_MANNER, _PUSHES)
+            )
+            config = varied(config, self._variation.ranges, manner)
             self._disturbance = Disturbance(
                 self._variation.disturbance,
                 env.control.joint_scale.half_range,
                 len(env.task.robot.mounts),
                 env.task.physics.step_s,
-                _generator(env, _PUSHES),
+                pushes,
             )
         self._expert = make_expert(env.task.name, env.task.robot, config)
         self._expert.reset(env.snapshot, env.goal)
@@ -78,14 +80,6 @@ class Demonstrator:
             targets = env.control.joint_scale.to_targets(action[None])
             action = env.control.to_actions(targets, env.snapshot)[0]
         return rounded(np.clip(action, -1.0, 1.0), self._action_bits)
-
-
-def _generator(env: ManipulationEnv, use: int) -> np.random.Generator:
-    """The generator of one use, of the level, object and target that are played."""
-    state = env.save_state()
-    entropy = (state.level, zlib.crc32(state.object.encode()), zlib.crc32(state.target.encode()))
-    seed = np.random.SeedSequence(entropy, spawn_key=(_VARIETY_STREAM, use))
-    return np.random.Generator(np.random.PCG64(seed))
 
 
 class Replay:

@@ -1,6 +1,5 @@
 """Policies as evaluation sees them, and those that come with the package."""
 
-import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
@@ -12,9 +11,7 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import UnknownNameError
 from artiskill.evaluation.solution import Solution, read_solution
 from artiskill.experts.registry import Expert, make_expert
-
-# Levels use small numbers as spawn keys (`tasks.levels.Stream`); random actions must not follow any of them.
-_RANDOM_STREAM = 1000
+from artiskill.tasks.levels import Stream, level_generator
 
 
 class Actor(Protocol):
@@ -97,9 +94,7 @@ class RandomActor:
 
     def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
         """Begin an episode with a generator of its own."""
-        entropy = (info["level"], zlib.crc32(info["object"].encode()))
-        seed = np.random.SeedSequence(entropy, spawn_key=(_RANDOM_STREAM,))
-        self._generator = np.random.Generator(np.random.PCG64(seed))
+        self._generator = level_generator(info["level"], Stream.RANDOM_ACTIONS, of=(info["object"],))
 
     def act(self, env: ManipulationEnv, observation: Any) -> np.ndarray:
         """Uniform in [-1, 1], (A,)."""

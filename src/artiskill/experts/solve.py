@@ -10,9 +10,7 @@ from artiskill.envs.control import JOINT
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError
 from artiskill.experts.mpc import MpcConfig, Planner
-
-# Levels use small numbers as spawn keys (`tasks.levels.Stream`); the planner's noise must not follow any of them.
-_NOISE_STREAM = 2000
+from artiskill.tasks.levels import Stream, level_generator
 
 
 @dataclass(frozen=True)
@@ -63,8 +61,7 @@ def solve_level(
         raise ConfigError(f"planning needs control_mode={JOINT!r}, not {env.control.mode!r}")
     start = time.perf_counter()
     _, info = env.reset(options={"level": level})
-    seed = np.random.SeedSequence(level, spawn_key=(_NOISE_STREAM,))
-    rng = np.random.Generator(np.random.PCG64(seed))
+    rng = level_generator(level, Stream.PLANNING)
     planner = Planner(env.task, env.scene, env.goal, env.control.joint_scale, config, rng, num_threads)
     total, done, terminated, actions = 0.0, False, False, []
     while not done:

@@ -1,5 +1,7 @@
 """Levels: the integer that seeds one episode, split into independent streams."""
 
+import zlib
+from collections.abc import Sequence
 from enum import IntEnum
 
 import numpy as np
@@ -10,17 +12,31 @@ MAX_LEVEL = 2**31 - 1
 
 
 class Stream(IntEnum):
-    """What a level decides, each from its own generator: fixing one leaves the others as they were."""
+    """What is drawn for a level, each from its own generator: fixing one leaves the others as they were.
+
+    What an environment draws has small numbers, what those who act in it draw has great ones.
+    """
 
     OBJECT = 0
     TARGET = 1
     INITIAL_STATE = 2
     POINTS = 3
+    RANDOM_ACTIONS = 1000
+    PLANNING = 2000
+    DEMONSTRATING = 3000
 
 
-def level_generator(level: int, stream: Stream, *instant: int) -> np.random.Generator:
-    """The generator of one stream of a level, or of one instant of it, given by its number of steps."""
-    seed = np.random.SeedSequence(level, spawn_key=(int(stream), *instant))
+def level_generator(level: int, stream: Stream, *part: int, of: Sequence[str] = ()) -> np.random.Generator:
+    """The generator of one stream of a level.
+
+    Args:
+        level: of the episode.
+        stream: what is drawn.
+        part: of the stream: the instant, given by its number of steps, or one of several uses.
+        of: names that draw otherwise than others at the same level: of object and target link.
+    """
+    entropy = (level, *(zlib.crc32(name.encode()) for name in of))
+    seed = np.random.SeedSequence(entropy, spawn_key=(int(stream), *part))
     return np.random.Generator(np.random.PCG64(seed))
 
 
