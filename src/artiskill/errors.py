@@ -47,14 +47,17 @@ class StateError(ArtiSkillError, ValueError):
     """A saved state that does not belong to the environment it is restored into."""
 
 
+Cause = tuple[str, Collection[str]]  # of a `DivergedError`: an object, and the engine's names of its warnings
+
+
 class DivergedError(ArtiSkillError, RuntimeError):
     """The physics of some environments ran away: their states are no longer meaningful.
 
     Attributes:
-        causes: environment -> object and the engine's names of its warnings.
+        causes: of each environment.
     """
 
-    def __init__(self, causes: Mapping[int, tuple[str, Collection[str]]]) -> None:
+    def __init__(self, causes: Mapping[int, Cause]) -> None:
         """Build the message."""
         self.causes = dict(causes)
         names = sorted({name for name, _ in causes.values()})

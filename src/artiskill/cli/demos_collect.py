@@ -88,8 +88,7 @@ def _collect(plan: "Plan", folder: Path, workers: int | None, cluster: "RayClust
     from artiskill.demos.collect import Collection, collect
     from artiskill.jobs.parallel import available_cores
 
-    if workers is None or cluster is not None:
-        workers = available_cores()
+    workers = available_cores() if workers is None else workers
     total = sum(plan.wanted(one) for one in plan.objects)
     with Progress(f"{plan.settings.task}, {plan.settings.control_mode}", total, "trajectories") as progress:
 

@@ -89,11 +89,7 @@ class Progress:
         if done * _LINES // self._total > before * _LINES // self._total or now - self._line_at > _SILENCE_S:
             rate = self._rate()
             left = f", {(self._total - done) / rate:.0f} s left" if rate else ""
-            print(
-                f"{self._title}: {done}/{self._total} {self._unit}, {self._note()}{left}",
-                file=sys.stderr,
-                flush=True,
-            )
+            self.say(f"{self._title}: {done}/{self._total} {self._unit}, {self._note()}{left}")
             self._line_at = now
 
     def _update(self) -> None:

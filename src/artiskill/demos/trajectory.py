@@ -48,7 +48,7 @@ class Trajectory:
 
     @property
     def disturbed(self) -> np.ndarray:
-        """(T,) bool, which actions are not what the expert wanted; learners leave these out."""
+        """(T,) bool, which actions are not what the expert wanted; leave these out when you train."""
         return self.recording.disturbed
 
     @property

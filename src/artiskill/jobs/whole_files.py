@@ -6,8 +6,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from artiskill.errors import ConfigError
-
 # of names that a killed process may leave behind; whoever owns a folder alone may remove them
 TEMPORARY_PREFIX = ".part-"
 
@@ -24,20 +22,6 @@ def whole_file(path: Path) -> Iterator[Path]:
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
-
-
-def check_writable(folder: Path) -> None:
-    """Make a folder, and see that files can be written there.
-
-    Raises:
-        ConfigError: they cannot.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise ConfigError(f"cannot write to {str(folder)!r}: {error.strerror or error}") from error
 
 
 def remove_leftovers(folder: Path) -> None:

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from artiskill.errors import ActionError, DivergedError, StateError
+from artiskill.errors import ActionError, Cause, DivergedError, StateError
 from artiskill.scene.scene import Scene
 from artiskill.sim.engine_arrays import EngineArrays, places_of, run
 from artiskill.sim.snapshot import Snapshot
@@ -162,9 +162,9 @@ class Simulation:
             snapshots.append(self.snapshot())
         return snapshots
 
-    def _diverged(self, ids: slice | np.ndarray) -> dict[int, tuple[str, tuple[str, ...]]]:
+    def _diverged(self, ids: slice | np.ndarray) -> dict[int, Cause]:
         """Which of these environments the engine has warned of, and how."""
-        causes = {}
+        causes: dict[int, Cause] = {}
         for env in np.arange(self.num_envs)[ids].tolist():
             kinds = np.flatnonzero(self._batch.warning[env, :, 1]).tolist()
             if kinds:

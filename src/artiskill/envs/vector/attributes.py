@@ -1,6 +1,6 @@
 """What a vector says about its single environments, and what of them may be changed."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from artiskill.envs.vector.episodes import Episodes
@@ -21,7 +21,7 @@ class EnvAttributes:
 
     def __init__(self, episodes: Episodes) -> None:
         self._episodes = episodes
-        of_env: Mapping[str, Callable[[int], Any]] = {
+        self._of_env: Mapping[str, Callable[[int], Any]] = {
             "object": lambda env: episodes.objects[env],
             "level": lambda env: int(episodes.levels[env]),
             "target": lambda env: episodes.targets[env],
@@ -29,7 +29,6 @@ class EnvAttributes:
             "goal": episodes.fleet.goal_of,
             "snapshot": episodes.fleet.snapshot_of,
         }
-        self._of_env = of_env
 
     def __contains__(self, name: str) -> bool:
         """Whether there is one of this name."""
@@ -62,6 +61,4 @@ class EnvAttributes:
         """
         if name not in SETTABLE:
             raise ConfigError(f"{name!r} cannot be set, only {', '.join(SETTABLE)}: make another environment")
-        count = len(self._episodes.levels)
-        chosen: Sequence[Any] = per_env(name, values, count)
-        self._episodes.draw_from(chosen)
+        self._episodes.draw_from(per_env(name, values, len(self._episodes.levels)))

@@ -30,7 +30,7 @@ from artiskill.envs.vector.options import (
 from artiskill.envs.vector.sight import Sight
 from artiskill.envs.vector.state import restore_env, save_env
 from artiskill.envs.vector.views import WorldViews
-from artiskill.errors import ConfigError, ResetNeededError
+from artiskill.errors import Cause, ConfigError, DivergedError, ResetNeededError
 from artiskill.robots.actions import check_actions
 from artiskill.tasks.levels import check_level
 from artiskill.tasks.registry import make_task
@@ -152,32 +152,31 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         if self._autoreset is AutoresetMode.DISABLED and resting.any():
             over = np.flatnonzero(resting).tolist()
             raise ResetNeededError(f"the episodes of environments {over} are over; reset them by a reset_mask")
-        self._sight.stale[:] = True
-        try:
-            self._advance(actions, resting)
-        finally:  # where one has diverged, the others have stepped
-            rewards, terminated, truncated = self._episodes.outcome(self.reward_mode == "dense", resting)
-            self._done = terminated | truncated
+        diverged = self._advance(actions, resting)
+        rewards, terminated, truncated = self._episodes.outcome(self.reward_mode == "dense", resting)
+        self._done = terminated | truncated
+        if diverged:
+            self._sight.stale[:] = True
+            raise DivergedError(diverged)
         self._sight.renew()
         at_once = self._autoreset is AutoresetMode.SAME_STEP and self._done.any()
         final = self._restart_at_once() if at_once else {}
         info = with_masks(self._sight.look(), self._all)
         return self._sight.arrays, rewards, terminated, truncated, info | final
 
-    def _advance(self, actions: np.ndarray, resting: np.ndarray) -> None:
-        """Step the environments that do not rest, start new episodes in those that do."""
+    def _advance(self, actions: np.ndarray, resting: np.ndarray) -> dict[int, Cause]:
+        """Step the environments that do not rest, start new episodes in those that do; who diverged, and why."""
         episodes, targets = self._episodes, []
         for squad, taken, members in episodes.fleet:
             rows = np.zeros((len(squad.members), actions.shape[1]))
             rows[taken] = actions[members]
             targets.append((squad, self.control.to_targets(rows, squad.snapshot)))
-        try:
-            episodes.fleet.step(targets, resting)
-        finally:
-            if resting.any():
-                self._restart(resting)
-            episodes.evaluate()
-            episodes.progress.advance(episodes.flags, ~resting)
+        diverged = episodes.fleet.step(targets, resting)
+        if resting.any():
+            self._restart(resting)
+        episodes.evaluate()
+        episodes.progress.advance(episodes.flags, ~resting)
+        return diverged
 
     def _restart_at_once(self) -> dict[str, Any]:
         """Report the last instant of the episodes that are over, for the step's infos, and start new ones."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from artiskill.errors import DivergedError
+from artiskill.errors import Cause, DivergedError
 from artiskill.scene.layout import Layout
 from artiskill.scene.scene import Scene
 from artiskill.sim.simulation import Simulation
@@ -158,17 +158,17 @@ class Fleet:
             self._squad_of[env], self.slot[env] = squad, slot
         return squad
 
-    def step(self, targets: Sequence[tuple[Squad, np.ndarray]], resting: np.ndarray) -> None:
+    def step(self, targets: Sequence[tuple[Squad, np.ndarray]], resting: np.ndarray) -> dict[int, Cause]:
         """One environment step.
 
         Args:
             targets: of each squad, (S, R).
             resting: (B,) bool, environments that do not step.
 
-        Raises:
-            DivergedError: as `Simulation.step`; all others have stepped.
+        Returns:
+            Environments whose physics ran away, and why; all others have stepped.
         """
-        diverged = {}
+        diverged: dict[int, Cause] = {}
         for squad, values in targets:
             members = squad.members
             active = members != FREE
@@ -180,8 +180,7 @@ class Fleet:
             except DivergedError as error:
                 diverged.update({int(members[slot]): cause for slot, cause in error.causes.items()})
             squad.look()
-        if diverged:
-            raise DivergedError(diverged)
+        return diverged
 
     def __iter__(self) -> Iterator[tuple[Squad, np.ndarray, np.ndarray]]:
         """Each squad with its taken slots and the environments in them."""

@@ -36,13 +36,18 @@ def per_env(what: str, given: Any, num_envs: int) -> list[Any]:
     Raises:
         ConfigError: a sequence of another length.
     """
-    given = given.item() if isinstance(given, np.ndarray) and given.ndim == 0 else given
+    given = _unwrapped(given)
     if given is None or isinstance(given, str | int | np.integer | ArticulatedObject):
         return [given] * num_envs
     if isinstance(given, Sequence | np.ndarray) and len(given) == num_envs:
         return list(given)
     count = f"{len(given)} of them" if isinstance(given, Sequence | np.ndarray) else repr(given)
     raise ConfigError(f"{what}: one for all environments or a list of {num_envs} is needed, not {count}")
+
+
+def _unwrapped(given: Any) -> Any:
+    """The number of an array without dimension; anything else as it is."""
+    return given.item() if isinstance(given, np.ndarray) and given.ndim == 0 else given
 
 
 def reset_mask(options: Mapping[str, Any], num_envs: int) -> np.ndarray:
@@ -69,7 +74,7 @@ def reset_seeds(seed: Any, num_envs: int) -> list[int | None]:
     """
     if seed is None:
         return [None] * num_envs
-    seed = seed.item() if isinstance(seed, np.ndarray) and seed.ndim == 0 else seed
+    seed = _unwrapped(seed)
     if isinstance(seed, int | np.integer) and not isinstance(seed, bool):
         seed = [int(seed) + i for i in range(num_envs)]
     return [None if s is None else check_level(s) for s in per_env("seed", seed, num_envs)]
