@@ -13,6 +13,7 @@ from artiskill.evaluation.episodes import EpisodeResult
 from artiskill.evaluation.evaluate import evaluate
 from artiskill.evaluation.plan import make_plan
 from artiskill.evaluation.report import Report, count
+from artiskill.evaluation.report_files import report_markdown
 from artiskill.jobs import workers
 
 OBJECTS = ["cabinet-0005", "cabinet-0010"]
@@ -187,6 +188,7 @@ def test_objects_that_are_not_the_catalogues(monkeypatch: pytest.MonkeyPatch) ->
         ({"first_level": 2**31 - 1, "episodes": 2}, ConfigError, "level"),
         ({"target": "link_99"}, UnknownNameError, "link_99"),
         ({"obs_mode": "stat"}, UnknownNameError, "did you mean 'state'"),
+        ({"control_mode": "joints"}, UnknownNameError, "did you mean 'joint'"),
         ({"config": {"episode_stps": 3}}, ConfigError, "did you mean 'episode_steps'"),
         ({"workers": 0}, ConfigError, "workers"),
         ({"workers": 2, "policy": Still()}, ConfigError, "only a policy given by name or path"),
@@ -205,3 +207,43 @@ def test_bad_input(change: dict[str, Any], error: type[ArtiSkillError], says: st
 def test_another_observation_mode_than_the_policy_needs() -> None:
     with pytest.raises(PolicyError, match="needs obs_mode 'state', but 'other' was asked for"):
         evaluate(TASK, Still(), OBJECTS, 1, obs_mode="other")
+
+
+@pytest.mark.parametrize(
+    ("task", "objects"),
+    [(TASK, OBJECTS[:1]), ("PushChair", ["chair-0012"]), ("MoveBucket", ["bucket-0002"])],
+)
+def test_experts_act_in_operational_space(task: str, objects: list[str]) -> None:
+    report = evaluate(task, "expert", objects, episodes=1, control_mode="operational_space")
+    assert (report.control_mode, report.success_rate) == ("operational_space", 1.0)
+    assert "`state`, `operational_space`" in report_markdown(report)
+
+
+class Forward(Still):
+    """Gives the same numbers in every mode: the speed of the arm's third joint, or of the hand along its own z."""
+
+    def __init__(self, control_mode: str | None) -> None:
+        self.control_mode = control_mode
+        self.seen: list[np.ndarray] = []
+
+    def act(self, observation: np.ndarray) -> np.ndarray:
+        self.seen.append(observation)
+        action = super().act(observation)
+        action[6] = 1.0
+        return action
+
+
+def test_a_policy_says_which_actions_it_gives() -> None:
+    def play(needs: str | None, **asked: str) -> tuple[str, np.ndarray]:
+        policy = Forward(needs)
+        report = evaluate(TASK, policy, OBJECTS[:1], 1, config=SHORT, **asked)
+        return report.to_mapping()["control_mode"], policy.seen[-1]
+
+    said, twist = play("operational_space")
+    asked, same = play(None, control_mode="operational_space")
+    usual, other = play(None)
+    assert (said, asked, usual) == ("operational_space", "operational_space", "joint")
+    assert np.array_equal(twist, same)
+    assert not np.allclose(twist, other, atol=1e-3)
+    with pytest.raises(PolicyError, match="needs control_mode 'operational_space', but 'joint' was asked for"):
+        play("operational_space", control_mode="joint")

@@ -94,6 +94,7 @@ def test_missing_file(tmp_path: Path) -> None:
         ("class Policy:\n    obs_mode = 'state'\n    def act(self, o): pass\n", ("lacks reset",)),
         ("class Policy:\n    pass\n", ("lacks obs_mode, reset, act",)),
         (CLASS.replace('"state"', '"stat"'), ("unknown obs_mode 'stat'", "'state'")),
+        (CLASS + "    control_mode = 'twist'\n", ("unknown control_mode 'twist'", "joint, operational_space")),
         (CLASS + "    def __init__(self, size):\n        pass\n", ("Policy() raised TypeError", "size")),
         (CLASS + "    def __init__(self):\n        1 / 0\n", ("Policy() raised ZeroDivisionError", "line 9")),
         (CLASS.replace("self.info = info", "info['x']"), ("reset() raised KeyError: 'x'", "line 5", "level 4")),

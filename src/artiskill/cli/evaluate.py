@@ -41,6 +41,7 @@ def add_command(commands: Any) -> None:
     parser.add_argument("--episodes", type=int, default=10, help="per object (default: %(default)s)")
     parser.add_argument("--first-level", "--seed", type=int, default=0, help="of each object (default: 0)")
     parser.add_argument("--obs-mode", help="what the policy sees (default: what it asks for, else state)")
+    parser.add_argument("--control-mode", help="what its actions are (default: what it says, else joint)")
     parser.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="task settings")
     parser.add_argument("--workers", type=int, help="processes (default: one per core)")
     parser.add_argument(
@@ -74,6 +75,7 @@ def run(arguments: argparse.Namespace) -> None:
         first_level=arguments.first_level,
         target=arguments.target,
         obs_mode=arguments.obs_mode,
+        control_mode=arguments.control_mode,
         config=overrides_of(arguments.set),
     )
     workers = available_cores() if arguments.workers is None else arguments.workers

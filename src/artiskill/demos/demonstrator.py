@@ -4,7 +4,6 @@ import numpy as np
 
 from artiskill.demos.config import load_demos_config
 from artiskill.demos.instants import rounded
-from artiskill.envs.control import JOINT
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.experts.disturbance import Disturbance
 from artiskill.experts.registry import Expert, make_expert
@@ -76,9 +75,7 @@ class Demonstrator:
 
     def _stored(self, action: np.ndarray, env: ManipulationEnv) -> np.ndarray:
         """A joint action (R,) in the environment's control mode, clipped and rounded as it is stored."""
-        if env.control.mode != JOINT:
-            targets = env.control.joint_scale.to_targets(action[None])
-            action = env.control.to_actions(targets, env.snapshot)[0]
+        action = env.control.of_joint_action(action, env.snapshot)
         return rounded(np.clip(action, -1.0, 1.0), self._action_bits)
 
 

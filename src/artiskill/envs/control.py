@@ -69,6 +69,13 @@ class Control:
         scale = self.joint_scale
         return clamp(joint, scale.center - scale.half_range, scale.center + scale.half_range)
 
+    def of_joint_action(self, action: np.ndarray, snapshot: Snapshot) -> np.ndarray:
+        """The action (A,) of this mode that asks for what a `joint` action (R,) does; the instant has B = 1."""
+        if self._space is None:
+            return action
+        actions: np.ndarray = self.to_actions(self.joint_scale.to_targets(action[None]), snapshot)
+        return actions[0]
+
     def to_actions(self, targets: np.ndarray, snapshot: Snapshot) -> np.ndarray:
         """The actions that ask for drive targets, (B, A) -> (B, A), clipped to [-1, 1]."""
         if self._space is not None:

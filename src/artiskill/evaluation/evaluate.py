@@ -24,6 +24,7 @@ def evaluate(
     *,
     target: str | None = None,
     obs_mode: str | None = None,
+    control_mode: str | None = None,
     config: Mapping[str, Any] | None = None,
     workers: int = 1,
     on_episode: Callable[[EpisodeResult], None] | None = None,
@@ -37,12 +38,14 @@ def evaluate(
     Args:
         task: name of the task.
         policy: `expert`, `random`, path of a solution file, function (observation) -> action, or object with
-            `obs_mode`, `reset(observation, info)` and `act(observation)`.
+            `obs_mode`, `reset(observation, info)` and `act(observation)`, and with `control_mode` unless that is
+            `joint`.
         objects: a split, an id, a list of ids, or `ArticulatedObject`s.
         episodes: per object.
         first_level: of each object.
         target: a link's name, or `all` for one row per object and target; by default each level draws a target.
         obs_mode: by default what the policy asks for, else `state`.
+        control_mode: by default what the policy asks for, else `joint`.
         config: values of the task's YAML to change, `{"episode_steps": 100}`; keys may be dotted.
         workers: processes; a function or an object is evaluated in this one.
         on_episode: called after every episode, in no fixed order if there are several workers.
@@ -50,13 +53,13 @@ def evaluate(
             policy then never runs in this process, so that it must be given by name or path.
 
     Raises:
-        UnknownNameError: an unknown task, object, split, target link, observation mode or policy.
+        UnknownNameError: an unknown task, object, split, target link, observation or control mode, or policy.
         ConfigError: an illegal number, or an unknown or illegal configuration value.
         AssetError: an object that cannot be used, or that differs from the catalogue's of that id.
         PolicyError: a policy that cannot be loaded, raises, returns no legal action, takes too long, or ends its
             process.
     """
-    plan = make_plan(task, policy, objects, episodes, first_level, target, obs_mode, config)
+    plan = make_plan(task, policy, objects, episodes, first_level, target, obs_mode, control_mode, config)
     return run_plan(plan, workers, on_episode, step_timeout_s)
 
 

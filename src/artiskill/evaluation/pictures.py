@@ -12,6 +12,7 @@ from PIL import Image
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object, resolve_objects
+from artiskill.envs.control import JOINT
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.observation import Instant
 from artiskill.envs.rendering import HEIGHT, WIDTH, Viewpoint
@@ -106,6 +107,7 @@ def picture_episode(path: Path | str, episode: EpisodeChoice, style: PictureStyl
         objects=[obj],
         target=episode.target,
         obs_mode=getattr(actor, "obs_mode", None) or "state",
+        control_mode=getattr(actor, "control_mode", None) or JOINT,
         config=episode.config,
     )
     if not moving or actor is None:

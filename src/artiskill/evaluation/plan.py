@@ -9,9 +9,10 @@ from typing import Any
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object, object_id_of, resolve_objects
 from artiskill.assets.identity import checked_hash
+from artiskill.envs.control import JOINT
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
 from artiskill.errors import ConfigError, PolicyError
-from artiskill.evaluation.policies import POLICY_NAMES, load_policy
+from artiskill.evaluation.policies import POLICY_NAMES, Actor, load_policy
 from artiskill.tasks.levels import check_level
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Task
@@ -33,6 +34,7 @@ class EpisodeBatch:
         levels: of the episodes.
         policy: as `load_policy` takes it.
         obs_mode: of the environment.
+        control_mode: of the environment.
         content_hash: of the object.
     """
 
@@ -43,6 +45,7 @@ class EpisodeBatch:
     levels: tuple[int, ...]
     policy: Any
     obs_mode: str
+    control_mode: str
     content_hash: str
 
     @property
@@ -63,6 +66,7 @@ class EpisodeBatch:
             objects=[self.object],
             target=self.target,
             obs_mode=self.obs_mode,
+            control_mode=self.control_mode,
             render_mode=render_mode,
             config=self.overrides,
         )
@@ -78,6 +82,7 @@ class Plan:
         policy: as `load_policy` takes it.
         policy_sha256: of a solution file's bytes; else None.
         obs_mode: of the environments.
+        control_mode: of the environments.
         batches: one per row of the report.
     """
 
@@ -86,6 +91,7 @@ class Plan:
     policy: Any
     policy_sha256: str | None
     obs_mode: str
+    control_mode: str
     batches: tuple[EpisodeBatch, ...]
 
     @property
@@ -107,31 +113,39 @@ def make_plan(
     first_level: int = 0,
     target: str | None = None,
     obs_mode: str | None = None,
+    control_mode: str | None = None,
     config: Mapping[str, Any] | None = None,
 ) -> Plan:
     """Check everything that can be checked beforehand; the arguments are those of `evaluate`.
 
     Raises:
-        UnknownNameError: an unknown task, object, split, target link, observation mode or policy.
+        UnknownNameError: an unknown task, object, split, target link, observation or control mode, or policy.
         ConfigError: an illegal number of episodes or level, or an unknown or illegal configuration value.
         AssetError: an object that the task cannot use, or that differs from the catalogue's of that id.
-        PolicyError: a policy that cannot be loaded or needs another observation mode.
+        PolicyError: a policy that cannot be loaded or needs another mode.
     """
     levels = _levels(episodes, first_level)
     resolved = make_task(task, config)
     actor = load_policy(policy)
-    if obs_mode is not None and actor.obs_mode not in (None, obs_mode):
-        raise PolicyError(f"{actor.name} needs obs_mode {actor.obs_mode!r}, but {obs_mode!r} was asked for")
-    obs_mode = obs_mode or actor.obs_mode or _DEFAULT_OBS_MODE
+    obs_mode = _mode("obs_mode", obs_mode, actor) or _DEFAULT_OBS_MODE
+    control_mode = _mode("control_mode", control_mode, actor) or JOINT
     policy = policy if callable(policy) or hasattr(policy, "act") else str(policy)
     batches = tuple(
-        EpisodeBatch(task, dict(config or {}), item, link, levels, policy, obs_mode, content_hash)
+        EpisodeBatch(task, dict(config or {}), item, link, levels, policy, obs_mode, control_mode, content_hash)
         for item, content_hash in [(o, checked_hash(o)) for o in resolve_objects(objects, task=task)]
         for link in _targets(resolved, item, target)
     )
     for batch in batches[: len(batches) if target else 1]:  # a given target must exist on every object
         batch.make_env()
-    return Plan(resolved, actor.name, policy, _digest(policy), obs_mode, batches)
+    return Plan(resolved, actor.name, policy, _digest(policy), obs_mode, control_mode, batches)
+
+
+def _mode(kind: str, asked: str | None, actor: Actor) -> str | None:
+    """The mode that was asked for, else the one that the policy needs."""
+    needed: str | None = getattr(actor, kind)
+    if asked is not None and needed not in (None, asked):
+        raise PolicyError(f"{actor.name} needs {kind} {needed!r}, but {asked!r} was asked for")
+    return asked or needed
 
 
 def _levels(episodes: object, first_level: object) -> tuple[int, ...]:

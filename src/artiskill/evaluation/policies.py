@@ -22,10 +22,12 @@ class Actor(Protocol):
     Attributes:
         name: how reports and errors call it.
         obs_mode: the observation mode that it needs; None if any will do.
+        control_mode: the control mode that its actions are of; None if it can act in any.
     """
 
     name: str
     obs_mode: str | None
+    control_mode: str | None
 
     def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
         """Begin an episode, whose first observation and info these are."""
@@ -39,6 +41,7 @@ class ExpertActor:
 
     name = "expert"
     obs_mode: str | None = None
+    control_mode: str | None = None
 
     def __init__(self) -> None:
         self._expert: Expert | None = None
@@ -53,9 +56,9 @@ class ExpertActor:
         self._expert.reset(env.snapshot, env.goal)
 
     def act(self, env: ManipulationEnv, observation: Any) -> np.ndarray:
-        """The expert's action, (A,)."""
+        """The expert's action in the environment's control mode, (A,)."""
         assert self._expert is not None
-        return self._expert.act(env.snapshot, env.goal)
+        return env.control.of_joint_action(self._expert.act(env.snapshot, env.goal), env.snapshot)
 
 
 class DemonstratorActor:
@@ -63,6 +66,7 @@ class DemonstratorActor:
 
     name = "demonstrator"
     obs_mode: str | None = None
+    control_mode: str | None = None
 
     def __init__(self) -> None:
         self._demonstrator: Demonstrator | None = None
@@ -88,6 +92,7 @@ class RandomActor:
 
     name = "random"
     obs_mode: str | None = None
+    control_mode: str | None = None
 
     def __init__(self) -> None:
         self._generator = np.random.default_rng(0)
@@ -106,6 +111,7 @@ class StillActor:
 
     name = "still"
     obs_mode: str | None = None
+    control_mode: str | None = None
 
     def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
         """Nothing to prepare."""
@@ -120,7 +126,7 @@ class SolutionActor:
 
     def __init__(self, solution: Solution) -> None:
         self._solution = solution
-        self.name, self.obs_mode = solution.name, solution.obs_mode
+        self.name, self.obs_mode, self.control_mode = solution.name, solution.obs_mode, solution.control_mode
 
     def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
         """Begin an episode.
@@ -153,7 +159,7 @@ def load_policy(policy: Any) -> Actor:
 
     Args:
         policy: one of `POLICY_NAMES`, the path of a Python file (see docs/evaluation.md), a function
-            (observation) -> action, or an object with `obs_mode`, `reset` and `act`.
+            (observation) -> action, or an object with `obs_mode`, `reset` `act`, perhaps `control_mode`.
 
     Raises:
         UnknownNameError: text that is neither a policy's name nor looks like a Python file.

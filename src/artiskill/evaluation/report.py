@@ -63,6 +63,7 @@ class Report:
         policy: name or path of the policy.
         policy_sha256: of a solution file's bytes; else None.
         obs_mode: what the policy saw.
+        control_mode: what its actions asked for.
         levels: first and last.
         total: over all episodes.
         rows: one per object, or per object and target.
@@ -76,6 +77,7 @@ class Report:
     policy: str
     policy_sha256: str | None
     obs_mode: str
+    control_mode: str
     levels: tuple[int, int]
     total: Tally
     rows: tuple[ObjectRow, ...]
@@ -96,6 +98,7 @@ class Report:
             "policy": self.policy,
             "policy_sha256": self.policy_sha256,
             "obs_mode": self.obs_mode,
+            "control_mode": self.control_mode,
             "levels": list(self.levels),
             **to_mapping(self.total),
             "objects": [row.to_mapping() for row in self.rows],
@@ -122,6 +125,7 @@ def make_report(plan: Plan, results: Sequence[Sequence[EpisodeResult]], seconds:
         policy=plan.policy_name,
         policy_sha256=plan.policy_sha256,
         obs_mode=plan.obs_mode,
+        control_mode=plan.control_mode,
         levels=(levels[0], levels[-1]),
         total=count(episodes),
         rows=tuple(

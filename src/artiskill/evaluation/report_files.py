@@ -137,7 +137,8 @@ def report_markdown(report: Report) -> str:
     lines = [f"| {' | '.join(row)} |" for row in table]
     first, last = report.levels
     used = ", ".join(f"{name} {number}" for name, number in report.versions.items())
-    title = f"# {report.task}: {report.policy}\n\nLevels {first} to {last} of each object, `{report.obs_mode}`."
+    modes = f"`{report.obs_mode}`, `{report.control_mode}`"
+    title = f"# {report.task}: {report.policy}\n\nLevels {first} to {last} of each object, {modes}."
     return f"{title}\n\n" + "\n".join(lines) + f"\n\nMade with {used}.\n"
 
 

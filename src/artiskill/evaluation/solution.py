@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from artiskill.envs.control import CONTROL_MODES
 from artiskill.envs.modes import OBSERVATION_MODES
 from artiskill.errors import PolicyError, UnknownNameError
 
@@ -35,6 +36,7 @@ class Solution:
         act: (observation) -> action.
         obs_mode: the observation mode that it needs; None if any will do.
         act_name: how the author calls `act`.
+        control_mode: the control mode that its actions are of; None if it does not say.
     """
 
     def __init__(
@@ -44,17 +46,18 @@ class Solution:
         act: Callable[[Any], Any],
         obs_mode: str | None,
         act_name: str,
+        control_mode: str | None = None,
     ) -> None:
-        self.name, self.obs_mode = name, obs_mode
+        self.name, self.obs_mode, self.control_mode = name, obs_mode, control_mode
         self._reset, self._act, self._act_name = reset, act, act_name
         self._where, self._step = "", 0
 
     @classmethod
     def of_object(cls, policy: Any, name: str | None = None) -> "Solution":
-        """Of a function or an object with `obs_mode`, `reset` and `act`.
+        """Of a function or an object with `obs_mode`, `reset` and `act`, and perhaps `control_mode`.
 
         Raises:
-            PolicyError: it is neither, or its `obs_mode` is unknown.
+            PolicyError: it is neither, or its `obs_mode` or `control_mode` is unknown.
         """
         name = name or str(getattr(policy, "__name__", type(policy).__name__))
         missing = [member for member in _MEMBERS if not hasattr(policy, member)]
@@ -66,9 +69,12 @@ class Solution:
         for member in ("reset", "act"):
             if not callable(getattr(policy, member)):
                 raise PolicyError(f"{name}: {member} cannot be called; {LEGAL_FORMS}")
+        control_mode = getattr(policy, "control_mode", None)
         if policy.obs_mode not in OBSERVATION_MODES:
             raise PolicyError(f"{name}: {UnknownNameError('obs_mode', policy.obs_mode, OBSERVATION_MODES)}")
-        return cls(name, policy.reset, policy.act, policy.obs_mode, "act")
+        if control_mode not in (None, *CONTROL_MODES):
+            raise PolicyError(f"{name}: {UnknownNameError('control_mode', control_mode, CONTROL_MODES)}")
+        return cls(name, policy.reset, policy.act, policy.obs_mode, "act", control_mode)
 
     def reset(self, observation: Any, info: dict[str, Any]) -> None:
         """Begin an episode; Python's and NumPy's global generators then start from the level.

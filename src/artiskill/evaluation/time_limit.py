@@ -23,7 +23,7 @@ class TimedActor:
 
     def __init__(self, actor: Actor, limit_s: float, tell: Callable[[Busy], None]) -> None:
         self._actor, self._limit_s, self._tell = actor, limit_s, tell
-        self.name, self.obs_mode = actor.name, actor.obs_mode
+        self.name, self.obs_mode, self.control_mode = actor.name, actor.obs_mode, actor.control_mode
         self._where, self._step = "", 0
 
     def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
