@@ -122,7 +122,7 @@ def test_legal_ids(name: str) -> None:
     assert an_object(id=name).id == name
 
 
-@pytest.mark.parametrize("name", ["", "a b", "a/b", "a\n", "généré", "a:b", 5, None])
+@pytest.mark.parametrize("name", ["", "a b", "a/b", "a\n", "généré", "a:b", ".", "..", ".a", 5, None])
 def test_illegal_ids(name: object) -> None:
     with pytest.raises(AssetError, match=re.escape(f"object id {name!r}: legal are letters, digits")):
         an_object(id=name)

@@ -15,8 +15,8 @@ from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.goals import stack_goals
 from artiskill.tasks.levels import MAX_LEVEL, Stream, check_level, level_generator
 from artiskill.tasks.open_cabinet.goal import OpenGoal, make_open_goal
+from artiskill.tasks.open_cabinet.hand_pose import hand_angle
 from artiskill.tasks.open_cabinet.proximity import handle_proximity
-from artiskill.tasks.open_cabinet.reward import hand_angle
 from artiskill.tasks.registry import make_task
 
 TASK = make_task("OpenCabinetDrawer")

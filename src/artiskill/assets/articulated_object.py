@@ -15,13 +15,14 @@ import numpy as np
 
 from artiskill.assets.content_hash import content_hash
 from artiskill.errors import AssetError, UnknownNameError
+from artiskill.geometry.arrays import norm
 from artiskill.geometry.meshes import TriMesh
 
 Category = Literal["cabinet", "chair", "bucket"]
 JointKind = Literal["prismatic", "revolute"]
 ShapeKind = Literal["box", "cylinder", "capsule", "sphere", "hull"]
 
-_LEGAL_ID = re.compile(r"[A-Za-z0-9._-]+")
+_LEGAL_ID = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]*")  # files and folders are called by it: no `..`
 _UNIT_TOLERANCE = 1e-6
 
 
@@ -246,10 +247,10 @@ def check_object_id(object_id: object) -> None:
     """Refuse an illegal id.
 
     Raises:
-        AssetError: it is no text, or holds anything but letters, digits, `-`, `.` and `_`.
+        AssetError: it is no text, begins with `.`, or holds anything but letters, digits, `-`, `.` and `_`.
     """
     if not isinstance(object_id, str) or not _LEGAL_ID.fullmatch(object_id):
-        raise AssetError(f"object id {object_id!r}: legal are letters, digits, '-', '.' and '_'")
+        raise AssetError(f"object id {object_id!r}: legal are letters, digits, '-', '_' and, not first, '.'")
 
 
 def _check_joint(joint: Joint, what: str) -> None:
@@ -270,4 +271,4 @@ def _check_joint(joint: Joint, what: str) -> None:
 
 def _is_unit(axis: np.ndarray) -> bool:
     bounded = bool((np.abs(axis) < 2).all())  # false for nan; and squares do not overflow
-    return bounded and abs(float(np.linalg.norm(axis)) - 1) < _UNIT_TOLERANCE
+    return bounded and abs(float(norm(axis)) - 1) < _UNIT_TOLERANCE

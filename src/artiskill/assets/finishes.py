@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from artiskill.assets.articulated_object import Material
+from artiskill.geometry.exact import power
 
 # A grain texture covers this square of wood, so that no panel of a cabinet needs it to repeat.
 GRAIN_TILE_M = 1.28
@@ -192,7 +193,7 @@ def fabric_weave(name: str, seed: int) -> np.ndarray:
 def srgb_to_linear(srgb: np.ndarray) -> np.ndarray:
     """Decode sRGB values 0..255 to linear intensities 0..1 (IEC 61966-2-1)."""
     c = np.asarray(srgb, dtype=float) / 255
-    return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+    return np.where(c <= 0.04045, c / 12.92, power((c + 0.055) / 1.055, 2.4))
 
 
 def _noise(rng: np.random.Generator, shape: tuple[int, int], cells: tuple[int, int]) -> np.ndarray:

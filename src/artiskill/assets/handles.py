@@ -6,6 +6,8 @@ import numpy as np
 
 from artiskill.assets.articulated_object import Handle
 from artiskill.errors import AssetError
+from artiskill.geometry.arrays import norm
+from artiskill.geometry.exact import arctan2, product
 from artiskill.geometry.hulls import convex_hull
 from artiskill.geometry.meshes import TriMesh, sample_surface
 from artiskill.geometry.rotations import quat_from_axis_angle, quat_from_matrix, quat_multiply
@@ -59,13 +61,13 @@ def handle_from_mesh(
     Raises:
         AssetError: the mesh does not span a volume, or `outward` has no direction.
     """
-    if not np.linalg.norm(outward) > 0:
+    if not norm(outward) > 0:
         raise AssetError(f"link {link_name!r}: its handle's outward direction is {np.asarray(outward)}")
     try:
         hull = convex_hull(mesh.vertices)
     except ValueError as error:
         raise AssetError(f"link {link_name!r}: its handle's mesh is flat or empty") from error
-    outward = np.asarray(outward, dtype=float) / np.linalg.norm(outward)
+    outward = np.asarray(outward, dtype=float) / norm(outward)
     grip = grip or _middle_grip(hull.mesh, outward)
     quaternions = []
     for across in grip.across:
@@ -92,10 +94,11 @@ def grasp_depth(thickness_m: float) -> float:
 def _middle_grip(hull: TriMesh, outward: np.ndarray) -> Grip:
     along, across = _face_axes(hull, outward)
     frame = np.stack((along, across, outward))  # rows: axes of the face
-    low, high = (frame @ hull.vertices.T).min(axis=1), (frame @ hull.vertices.T).max(axis=1)
+    in_frame = product(hull.vertices, frame.T)
+    low, high = in_frame.min(axis=0), in_frame.max(axis=0)
     centre = (low + high) / 2
     centre[2] = high[2] - grasp_depth(high[2] - low[2])
-    return Grip(centre @ frame, across[None], float(high[1] - low[1]))
+    return Grip(product(centre[None], frame)[0], across[None], float(high[1] - low[1]))
 
 
 def is_handle_part(part: str) -> bool:
@@ -111,16 +114,16 @@ def _face_axes(hull: TriMesh, outward: np.ndarray) -> tuple[np.ndarray, np.ndarr
     """
     helper = np.array((0.0, 0.0, 1.0)) if abs(outward[2]) < 0.9 else np.array((1.0, 0.0, 0.0))
     u = np.cross(helper, outward)
-    u /= np.linalg.norm(u)
+    u /= norm(u)
     v = np.cross(outward, u)
-    flat = np.stack((hull.vertices @ u, hull.vertices @ v), axis=1)
+    flat = product(hull.vertices, np.stack((u, v), axis=1))
     edges = (flat[np.roll(hull.faces, -1, axis=1)] - flat[hull.faces]).reshape(-1, 2)
-    edges = edges[np.linalg.norm(edges, axis=1) > 1e-9]
+    edges = edges[norm(edges) > 1e-9]
     # rounded before the modulo, lest an angle of -1e-17 becomes a right one; ties go to the least turned
-    angles = np.unique(np.round(np.arctan2(edges[:, 1], edges[:, 0]), 9) % round(np.pi / 2, 9))
+    angles = np.unique(np.round(arctan2(edges[:, 1], edges[:, 0]), 9) % round(np.pi / 2, 9))
     turns = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
-    widths = np.ptp(flat @ turns.T, axis=0)
-    heights = np.ptp(flat @ np.stack((-turns[:, 1], turns[:, 0])), axis=0)
+    widths = np.ptp(product(flat, turns.T), axis=0)
+    heights = np.ptp(product(flat, np.stack((-turns[:, 1], turns[:, 0]))), axis=0)
     best = int(np.argmin(np.round(widths * heights, 12)))
     c, s = turns[best]
     first, second = c * u + s * v, -s * u + c * v

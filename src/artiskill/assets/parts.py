@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike
 
 from artiskill.assets.articulated_object import CollisionShape, Material, VisualMesh
 from artiskill.assets.finishes import GRAIN_TILE_M
+from artiskill.geometry.arrays import norm
 from artiskill.geometry.meshes import TriMesh, box, merge, sample_surface
 
 IDENTITY = np.array((1.0, 0.0, 0.0, 0.0))
@@ -22,7 +23,7 @@ def _panel_faces() -> np.ndarray:
     """Triangles of a bevelled box over the corner order above; the same for all sizes, so found only once."""
     unit = box((1.0, 1.0, 1.0), 0.2)
     corners = _CORNER_SIGNS * (1.0 - 0.2 * (1 - np.eye(3)[_CORNER_FACE]))
-    order = np.argmin(np.linalg.norm(unit.vertices[:, None] - corners[None], axis=-1), axis=1)
+    order = np.argmin(norm(unit.vertices[:, None] - corners[None]), axis=1)
     return order[unit.faces].astype(np.int32)
 
 

@@ -17,7 +17,7 @@ def shape_volume_m3(shape: CollisionShape) -> float:
     if shape.kind == "box":
         return 8.0 * math.prod(shape.size)
     radius = shape.size[0]
-    ball = 4.0 / 3.0 * math.pi * radius**3
+    ball = 4.0 / 3.0 * math.pi * math.pow(radius, 3)
     if shape.kind == "sphere":
         return ball
     barrel = 2.0 * math.pi * radius**2 * shape.size[1]

@@ -41,10 +41,15 @@ def greatest(values: Array) -> Array:
     return np.maximum.reduce(values, axis=-1) if xp is np else xp.max(values, axis=-1)
 
 
+def dot(a: Array, b: Array) -> Array:
+    """Scalar product over the last axis, with broadcasting: (..., n) -> (...); no BLAS, see `geometry.exact`."""
+    xp = namespace(a)
+    return np.add.reduce(a * b, axis=-1) if xp is np else xp.sum(a * b, axis=-1)
+
+
 def norm(vectors: Array) -> Array:
     """Euclidean length over the last axis. (..., n) -> (...)."""
-    xp = namespace(vectors)
-    return xp.sqrt(xp.vecdot(vectors, vectors))
+    return namespace(vectors).sqrt(dot(vectors, vectors))
 
 
 def columns(values: Sequence[Array]) -> Array:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from artiskill.geometry.arrays import Array, greatest, namespace
+from artiskill.geometry.exact import dot, product
 from artiskill.geometry.meshes import TriMesh
 
 
@@ -43,7 +44,7 @@ def convex_hull(points: Any) -> ConvexHull:
     normals = np.cross(
         vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]]
     )
-    inward = np.einsum("ij,ij->i", normals, hull.equations[:, :3]) < 0
+    inward = dot(normals, hull.equations[:, :3]) < 0
     faces[inward] = faces[inward][:, ::-1]
     # triangles of one flat face share their plane: keep it once
     planes = np.unique(np.round(hull.equations, 9), axis=0)
@@ -63,5 +64,5 @@ def depth_inside(planes: Array, points: Array) -> Array:
         (..., N) metres.
     """
     xp = namespace(planes, points)
-    heights = points @ xp.matrix_transpose(planes[..., :3]) + planes[..., None, :, 3]
+    heights = product(points, xp.matrix_transpose(planes[..., :3])) + planes[..., None, :, 3]
     return -greatest(heights)

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from artiskill.geometry.arrays import norm
+from artiskill.geometry.exact import dot, power, product
 from artiskill.geometry.rotations import quat_to_matrix
 
 
@@ -40,7 +42,9 @@ class TriMesh:
     def transformed(self, position: Any = (0, 0, 0), quaternion: Any = (1, 0, 0, 0)) -> "TriMesh":
         """The mesh rotated, then moved."""
         rotation = quat_to_matrix(np.asarray(quaternion, dtype=float))
-        return TriMesh(self.vertices @ rotation.T + np.asarray(position, dtype=float), self.faces, self.uvs)
+        return TriMesh(
+            product(self.vertices, rotation.T) + np.asarray(position, dtype=float), self.faces, self.uvs
+        )
 
     def scaled(self, factor: Any) -> "TriMesh":
         """The mesh scaled about its origin by a number or three; mirrored faces are turned back outwards."""
@@ -147,14 +151,14 @@ def tube(path: Any, radius: float, segments: int = 12) -> TriMesh:
     """A round tube with closed ends along an open path (P, 3), its frames carried without twist."""
     points = np.asarray(path, dtype=float)
     tangents = np.gradient(points, axis=0)
-    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    tangents /= norm(tangents)[:, None]
     helper = np.eye(3)[np.argmin(np.abs(tangents[0]))]
     normal = np.cross(tangents[0], helper)
     angles = np.arange(segments) * (2 * np.pi / segments)
     rings = []
     for point, tangent in zip(points, tangents, strict=True):
-        normal = normal - tangent * (normal @ tangent)
-        normal /= np.linalg.norm(normal)
+        normal = normal - tangent * dot(normal, tangent)
+        normal /= norm(normal)
         binormal = np.cross(tangent, normal)
         rings.append(point + radius * (np.outer(np.cos(angles), normal) + np.outer(np.sin(angles), binormal)))
     vertices = np.concatenate((*rings, points[:1], points[-1:]))
@@ -184,7 +188,7 @@ def loft(rings: Any) -> TriMesh:
     a, b, c, d = first + s, first + t, first + t + sides, first + s + sides
     # each quad is cut along its shorter diagonal, which follows a twisting or leaning skin better
     flat = points.reshape(-1, 3)
-    short = np.linalg.norm(flat[a] - flat[c], axis=-1) <= np.linalg.norm(flat[b] - flat[d], axis=-1) + 1e-12
+    short = norm(flat[a] - flat[c]) <= norm(flat[b] - flat[d]) + 1e-12
     lower = np.where(short[..., None], np.stack((a, b, c), axis=-1), np.stack((a, b, d), axis=-1))
     upper = np.where(short[..., None], np.stack((a, c, d), axis=-1), np.stack((b, c, d), axis=-1))
     cap = _strip(sides)
@@ -202,7 +206,7 @@ def superellipse(half_x: float, half_y: float, exponent: float, count: int = 16)
     angles = np.arange(count) * (2 * np.pi / count)
     unit = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
     unit[np.abs(unit) < 1e-12] = 0.0
-    return np.sign(unit) * np.abs(unit) ** (2.0 / exponent) * (half_x, half_y)
+    return np.sign(unit) * power(np.abs(unit), 2.0 / exponent) * (half_x, half_y)
 
 
 def superellipse_loft(sections: Any, count: int = 16) -> TriMesh:
@@ -249,7 +253,7 @@ def rounded_box(half_extents: Any, radius_m: float, arc: int = 3, bevel_m: float
 def triangle_areas(mesh: TriMesh) -> np.ndarray:
     """Area of each face, (F,)."""
     a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
-    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return 0.5 * norm(np.cross(b - a, c - a))
 
 
 def sample_surface(meshes: Sequence[TriMesh], count: int, rng: np.random.Generator) -> np.ndarray:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from artiskill.geometry.arrays import Array, namespace, norm
+from artiskill.geometry.exact import arcsin, arctan2
 
 
 def quat_multiply(a: Array, b: Array) -> Array:
@@ -63,7 +64,7 @@ def quat_angle(a: Array, b: Array) -> Array:
     """Angle of the rotation between two orientations, in [0, pi]. (..., 4) x (..., 4) -> (...)."""
     xp = namespace(a, b)
     # the chord between unit quaternions is 2 sin(angle / 4): accurate at small angles, where acos is not
-    return 4.0 * xp.asin(0.5 * xp.minimum(norm(a - b), norm(a + b)))
+    return 4.0 * arcsin(0.5 * xp.minimum(norm(a - b), norm(a + b)))
 
 
 def quat_to_rotation_vector(q: Array) -> Array:
@@ -71,7 +72,7 @@ def quat_to_rotation_vector(q: Array) -> Array:
     xp = namespace(q)
     q = xp.where(q[..., :1] < 0, -q, q)
     sine = xp.sqrt(xp.sum(q[..., 1:] ** 2, axis=-1, keepdims=True))
-    angle = 2.0 * xp.atan2(sine, q[..., :1])
+    angle = 2.0 * arctan2(sine, q[..., :1])
     scale = xp.where(sine > 1e-12, angle / xp.where(sine > 1e-12, sine, xp.ones_like(sine)), 2.0)
     return q[..., 1:] * scale
 
@@ -84,7 +85,7 @@ def transform_points(position: Array, quaternion: Array, points: Array) -> Array
 def quat_from_axis_angle(axis: Any, angle_rad: float) -> np.ndarray:
     """Rotation by an angle about an axis of any length but zero. -> (4,)."""
     axis = np.asarray(axis, dtype=float)
-    axis = axis / np.linalg.norm(axis)
+    axis = axis / norm(axis)
     return np.concatenate(([np.cos(angle_rad / 2)], np.sin(angle_rad / 2) * axis))
 
 
@@ -114,5 +115,5 @@ def quat_from_matrix(matrix: Any) -> np.ndarray:
     table = np.array([[0, a, b, c], [a, 0, d, e], [b, d, 0, f], [c, e, f, 0]], dtype=float)
     q = table[largest]
     q[largest] = squares[largest]
-    q = q / np.linalg.norm(q)
+    q = q / norm(q)
     return -q if q[0] < 0 else q

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from artiskill.geometry.arrays import norm
 from artiskill.geometry.meshes import TriMesh, loft
 
 
@@ -39,10 +40,10 @@ def _textured_ring(around: np.ndarray, loops: np.ndarray, tile_m: float) -> TriM
     count, points = loops.shape[:2]
     xy = around[:, None, :] * loops[:, :, :1]
     vertices = np.concatenate((xy, loops[:, :, 1:]), axis=-1)
-    along = np.linalg.norm(np.diff(around, axis=0), axis=1)
+    along = norm(np.diff(around, axis=0))
     turns = max(1, round(float(along.sum() * loops[:, :, 0].max()) / tile_m))
     u = np.concatenate(([0.0], np.cumsum(along))) / along.sum() * turns
-    v = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(loops[0], axis=0), axis=1)))) / tile_m
+    v = np.concatenate(([0.0], np.cumsum(norm(np.diff(loops[0], axis=0))))) / tile_m
     uvs = np.stack(np.broadcast_arrays(u[:, None], v[None, :]), axis=-1).reshape(-1, 2)
     i, p = (index.ravel() for index in np.mgrid[0 : count - 1, 0 : points - 1])
     a = i * points + p
@@ -63,7 +64,7 @@ def path_sweep(path: Any, section: Any, side: Any) -> TriMesh:
     points, around = np.asarray(path, dtype=float), np.asarray(section, dtype=float)
     normal = np.asarray(side, dtype=float)
     tangents = np.gradient(points, axis=0)
-    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    tangents /= norm(tangents)[:, None]
     across = np.cross(tangents, normal)  # (P, 3)
     rings = points[:, None] + around[None, :, :1] * normal + around[None, :, 1:] * across[:, None]
     return loft(rings)

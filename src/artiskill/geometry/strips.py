@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from artiskill.geometry.arrays import dot, norm
 from artiskill.geometry.meshes import TriMesh, lathe, loft
 
 
@@ -19,11 +20,11 @@ def strip(path: Any, across: Any, half_width: float, half_thickness: float, side
     """
     points, normal = np.asarray(path, dtype=float), np.asarray(across, dtype=float)
     steps = np.diff(points, axis=0)
-    steps /= np.linalg.norm(steps, axis=1, keepdims=True)
+    steps /= norm(steps)[:, None]
     ends = np.concatenate((steps[:1], steps, steps[-1:]))
     tangents = ends[:-1] + ends[1:]  # halfway between the two pieces that meet
-    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
-    stretch = 1.0 / np.einsum("ij,ij->i", tangents, ends[1:])  # mitred: pieces keep their thickness
+    tangents /= norm(tangents)[:, None]
+    stretch = 1.0 / dot(tangents, ends[1:])  # mitred: pieces keep their thickness
     inwards = np.cross(tangents, normal)
     angles = (np.arange(sides) + 0.5) * (2 * np.pi / sides)
     scale = np.sqrt(2.0) if sides == 4 else 1.0

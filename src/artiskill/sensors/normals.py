@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from artiskill.geometry.exact import arccos, dot
 from artiskill.geometry.meshes import TriMesh
 
 
@@ -63,7 +64,7 @@ def _corner_angles(mesh: TriMesh) -> np.ndarray:
     corners = mesh.vertices[mesh.faces]  # (F, 3, 3)
     to_next = _normalised(np.roll(corners, -1, axis=1) - corners)
     to_previous = _normalised(np.roll(corners, 1, axis=1) - corners)
-    return np.arccos(np.clip((to_next * to_previous).sum(axis=-1), -1.0, 1.0))
+    return arccos(np.clip(dot(to_next, to_previous), -1.0, 1.0))
 
 
 def _pairs_at_same_vertex(corner_vertex: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from artiskill.geometry.arrays import norm
+from artiskill.geometry.exact import turned
 from artiskill.geometry.rotations import quat_to_matrix
 from artiskill.scene.scene import Scene
 from artiskill.sim.snapshot import Snapshot
@@ -34,10 +36,11 @@ def placed(
     qpos[index.object_qpos], qvel[index.object_dof] = values["object_qpos"], values["object_qvel"]
     if index.root_dof.stop > index.root_dof.start:
         quaternion = values["root_quaternion_w"].astype(np.float64)
-        quaternion /= np.linalg.norm(quaternion)
+        quaternion /= norm(quaternion)
         velocity = values["root_velocity_w"].astype(np.float64)
         qpos[index.root_qpos] = np.concatenate((values["root_position_w"], quaternion))
-        own = velocity[3:] @ quat_to_matrix(quaternion)  # the engine has the angular part in the body's frame
+        # the engine has the angular part in the body's frame
+        own = turned(quat_to_matrix(quaternion).T, velocity[3:])
         qvel[index.root_dof] = np.concatenate((velocity[:3], own))
     qpos[index.prop_qpos].reshape(-1, 7)[:, :3] = values["prop_position_w"]
     qvel[index.prop_dof].reshape(-1, 6)[:, :3] = values["prop_velocity_w"]

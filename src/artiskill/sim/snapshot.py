@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 
 from artiskill.geometry.arrays import Array, clamp, namespace, norm
+from artiskill.geometry.exact import arccos, dot
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,5 +90,5 @@ class Snapshot:
         """(B, L) mean angular speed of each link over the last environment step."""
         xp = namespace(self.link_quaternion_w)
         # by the scalar product, good to 6e-7 rad/s: half the array calls of `quat_angle`; every step asks for it
-        cosine = xp.abs(xp.vecdot(self.previous_link_quaternion_w, self.link_quaternion_w))
-        return xp.acos(clamp(cosine, 0.0, 1.0)) * (2.0 / self.step_s)
+        cosine = xp.abs(dot(self.previous_link_quaternion_w, self.link_quaternion_w))
+        return arccos(clamp(cosine, 0.0, 1.0)) * (2.0 / self.step_s)

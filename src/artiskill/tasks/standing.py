@@ -7,6 +7,7 @@ import numpy as np
 
 from artiskill.config import check_not_negative, check_positive
 from artiskill.geometry.arrays import Array, clamp, namespace, norm
+from artiskill.geometry.exact import arccos, dot
 from artiskill.scene.scene import Scene
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.fields import (
@@ -86,8 +87,7 @@ class Stand:
     @cached_property
     def tilt_rad(self) -> Array:
         """Angle of the root's z axis with the vertical, 0 to pi."""
-        xp = namespace(self.snapshot.link_rotation_w)
-        return xp.acos(clamp(self.snapshot.link_rotation_w[:, 0, 2, 2], -1.0, 1.0))
+        return arccos(clamp(self.snapshot.link_rotation_w[:, 0, 2, 2], -1.0, 1.0))
 
     @cached_property
     def speed_m_s(self) -> Array:
@@ -104,7 +104,7 @@ class Stand:
         """How fast the root nears the target, in the plane; negative away from it."""
         xp = namespace(self.snapshot.link_position_w)
         position = self.snapshot.link_position_w[:, 0, :2]
-        toward = xp.vecdot(position, self.snapshot.root_velocity_w[:, :2])
+        toward = dot(position, self.snapshot.root_velocity_w[:, :2])
         return -toward / xp.maximum(self.distance_m, xp.asarray(1e-6, dtype=position.dtype))
 
     def arrival(self, config: StandingConfig) -> tuple[Array, Array, Array, Array]:

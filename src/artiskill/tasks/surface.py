@@ -7,6 +7,7 @@ import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.geometry.arrays import Array, least, namespace
+from artiskill.geometry.exact import dot, turned
 from artiskill.geometry.kernel import kernel
 from artiskill.geometry.meshes import sample_surface, triangle_areas
 from artiskill.sim.snapshot import Snapshot
@@ -67,9 +68,9 @@ def by_array_calls(
     """
     xp = namespace(tips)
     rows = row[:, None]
-    in_world = (rotation_w[rows, link] @ points[..., None])[..., 0] + position_w[rows, link]  # (B, P, 3)
+    in_world = turned(rotation_w[rows, link], points) + position_w[rows, link]  # (B, P, 3)
     gap = tips[:, :, None] - in_world[:, None]  # (B, T, P, 3)
-    return xp.mean(xp.sqrt(least(xp.vecdot(gap, gap))), axis=-1)
+    return xp.mean(xp.sqrt(least(dot(gap, gap))), axis=-1)
 
 
 def load_kernel() -> None:

@@ -10,6 +10,7 @@ from artiskill.assets.buckets.config import BailConfig
 from artiskill.assets.buckets.spec import Bail, Ear, Grip, Lip, Profile, Section
 from artiskill.assets.buckets.surface import clearance_m
 from artiskill.assets.ranges import Range
+from artiskill.geometry.arrays import norm
 
 Rim = tuple[Section, Profile, Lip, float]  # what a bail must clear; the last is the spout
 
@@ -77,7 +78,7 @@ def swing_rad(bail: Bail, rim: Rim, gap_m: float) -> float:
 
 def _dense(path: np.ndarray) -> np.ndarray:
     """Points at equal distances along a path."""
-    at = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))))
+    at = np.concatenate(([0.0], np.cumsum(norm(np.diff(path, axis=0)))))
     places = np.linspace(0.0, at[-1], _PATH_POINTS)
     return np.stack([np.interp(places, at, path[:, k]) for k in range(3)], axis=-1)
 

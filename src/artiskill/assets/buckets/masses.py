@@ -6,6 +6,7 @@ import numpy as np
 
 from artiskill.assets.buckets.section import outline
 from artiskill.assets.buckets.spec import Bail, Profile, Section
+from artiskill.geometry.arrays import norm
 
 _RIM_FACTOR = 1.12  # lip, foot and ears, relative to wall and floor
 _STEEL_KG_M3 = 7850.0
@@ -17,7 +18,7 @@ def body_mass_kg(section: Section, profile: Profile, gauge_m: float, density_kg_
     """Mass without the bail."""
     points = outline(section)
     ahead = np.roll(points, -1, axis=0)
-    perimeter = float(np.linalg.norm(ahead - points, axis=1).sum())
+    perimeter = float(norm(ahead - points).sum())
     floor = 0.5 * float((points[:, 0] * ahead[:, 1] - points[:, 1] * ahead[:, 0]).sum())
     heights, widths = np.array(profile.knots).T
     slant = np.hypot(np.diff(heights), np.diff(widths))

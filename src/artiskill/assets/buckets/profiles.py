@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from artiskill.assets.buckets.spec import Profile
+from artiskill.geometry.exact import power
 
 _CURVE_KNOTS = 9
 _EDGE_M = 0.004  # the rounding between wall and floor
@@ -44,10 +45,10 @@ def _curve(rng: np.random.Generator, kind: str, z: _Span, half: _Span) -> tuple[
     straight = half[0] + share * (half[1] - half[0])
     if kind == "bellied":
         bulge = rng.uniform(0.05, 0.10) * half[1]
-        widths, breaks = straight + bulge * np.sin(np.pi * share**0.9), (0.45,)
+        widths, breaks = straight + bulge * np.sin(np.pi * power(share, 0.9)), (0.45,)
     else:
-        flare, power = rng.uniform(0.3, 0.7) * (half[1] - half[0]), rng.uniform(3.0, 5.0)
-        widths, breaks = straight - flare * (share - share**power), (0.6,)
+        flare, bend = rng.uniform(0.3, 0.7) * (half[1] - half[0]), rng.uniform(3.0, 5.0)
+        widths, breaks = straight - flare * (share - power(share, bend)), (0.6,)
     heights = z[0] + share * (z[1] - z[0])
     return list(zip(heights, widths, strict=True)), [z[0], *(z[0] + b * (z[1] - z[0]) for b in breaks), z[1]]
 

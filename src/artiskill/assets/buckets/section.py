@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 
 from artiskill.assets.buckets.spec import Section
+from artiskill.geometry.exact import dot, product
 
 ROUND_POINTS = 40
 ROUND_WALLS = 12
@@ -59,8 +60,9 @@ def gauge(section: Section, points: np.ndarray) -> np.ndarray:
 def _gauge(polygon: np.ndarray, points: np.ndarray) -> np.ndarray:
     edges = np.roll(polygon, -1, axis=0) - polygon
     normals = np.stack((edges[:, 1], -edges[:, 0]), axis=-1)
-    distances = np.einsum("ij,ij->i", normals, polygon)
-    return (points @ (normals / distances[:, None]).T).max(axis=-1)
+    distances = dot(normals, polygon)
+    reached = product(points[..., None, :], (normals / distances[:, None]).T)[..., 0, :]
+    return np.asarray(reached.max(axis=-1))
 
 
 def _polygon(sides: int, corner: float, arc: int) -> np.ndarray:

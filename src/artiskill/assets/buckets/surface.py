@@ -4,6 +4,7 @@ import numpy as np
 
 from artiskill.assets.buckets.section import gauge
 from artiskill.assets.buckets.spec import Lip, Profile, Section
+from artiskill.geometry.exact import arctan2, exp
 
 # A spout is drawn out of the front of the rim over about this angle and this part of the height.
 _SPOUT_ANGLE_RAD = 0.30
@@ -36,7 +37,7 @@ def spout_bulge(angle_rad: np.ndarray, z: np.ndarray, rim_z: float, spout_m: flo
     off = np.abs(np.mod(angle_rad, 2 * np.pi) - np.pi) / _SPOUT_ANGLE_RAD
     depth = SPOUT_DEPTH * rim_z
     rise = np.clip((z - rim_z + depth) / depth, 0.0, 1.0)
-    return spout_m * np.exp(-(off**2)) * rise**2
+    return spout_m * exp(-(off**2)) * rise**2
 
 
 def clearance_m(
@@ -57,7 +58,7 @@ def clearance_m(
     at = np.minimum(z, rim)
     widths = half_width(profile, at)
     widths = widths + np.where(z >= rim - lip.height_m - margin_m, lip.overhang_m, 0.0)
-    widths = widths + spout_bulge(np.arctan2(points[..., 1], points[..., 0]), at, rim, spout_m)
+    widths = widths + spout_bulge(arctan2(points[..., 1], points[..., 0]), at, rim, spout_m)
     reached = gauge(section, points[..., :2])
     away = reached - widths
     if section.aspect < 1:  # an oval's half width differs with the direction

@@ -8,6 +8,8 @@ from artiskill.assets.buckets.section import outline
 from artiskill.assets.buckets.spec import BucketSpec
 from artiskill.assets.buckets.surface import SPOUT_DEPTH, half_width, spout_bulge
 from artiskill.assets.parts import LinkParts, panel_mesh
+from artiskill.geometry.arrays import norm
+from artiskill.geometry.exact import arctan2
 from artiskill.geometry.meshes import TriMesh, loft
 from artiskill.geometry.shells import ring_sweep
 
@@ -73,10 +75,10 @@ def _carry(spec: BucketSpec, loop: np.ndarray) -> TriMesh:
     tile = SPANGLE_TILE_M if spec.material == "galvanised" else 0.0
     if spec.spout_m <= 0:
         return ring_sweep(around, loop, tile)
-    angles = np.arctan2(around[:, 1], around[:, 0])
+    angles = arctan2(around[:, 1], around[:, 0])
     bulge = spout_bulge(angles[:, None], loop[None, :, 1], spec.height_m, spec.spout_m)
     loops = np.broadcast_to(loop, (len(around), *loop.shape)).copy()
-    loops[:, :, 0] += bulge / np.linalg.norm(around, axis=1)[:, None]
+    loops[:, :, 0] += bulge / norm(around)[:, None]
     return ring_sweep(around, loops, tile)
 
 

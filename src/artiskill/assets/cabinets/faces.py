@@ -1,5 +1,6 @@
 """What front panels look like: planks, frames with a field, a raised field, panes or slats, and pierced boards."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,7 +94,7 @@ def _add_slats(parts: Boards, spec: CabinetSpec, inner: Rect, material: Material
     count = max(2, round(inner.height / spec.front.plank_m))
     pitch, thickness = inner.height / count, spec.front.thickness_m
     tall = _SLAT_OVERLAP * pitch
-    tilt = float(np.arcsin(min((thickness - _SLAT_M) / tall, 0.6)))
+    tilt = math.asin(min((thickness - _SLAT_M) / tall, 0.6))
     half = np.array((_SLAT_M / 2, inner.width / 2, tall / 2))
     turn = quat_from_axis_angle((0, 1, 0), tilt)
     for k in range(count):

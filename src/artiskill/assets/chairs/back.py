@@ -10,6 +10,7 @@ from artiskill.assets.chairs.frames import rail_path
 from artiskill.assets.chairs.pads import Pad, even_outline, placed, rolled_mesh, strips
 from artiskill.assets.chairs.pen import Pen
 from artiskill.assets.chairs.spec import ChairSpec
+from artiskill.geometry.exact import exp, product
 from artiskill.geometry.meshes import TriMesh, cylinder
 from artiskill.geometry.rotations import quat_from_axis_angle
 
@@ -40,7 +41,7 @@ class BackPlane:
 
     def point(self, u: float, v: float, w: float) -> np.ndarray:
         """A point of the plane's frame in the object frame."""
-        placed_point: np.ndarray = self.origin + np.array((u, v, w)) @ self.axes
+        placed_point: np.ndarray = self.origin + product(np.array(((u, v, w),)), self.axes)[0]
         return placed_point
 
     def forward(self, u: float, v: float) -> float:
@@ -54,7 +55,7 @@ class BackPlane:
         moved = points.copy()
         moved[:, 1] *= 1.0 - self.back.taper * (points[:, 0] / half_u + 1) / 2
         moved[:, 2] += self.back.wrap_m * (points[:, 1] / half_v) ** 2
-        moved[:, 2] += self.back.lumbar_m * np.exp(-(((points[:, 0] / half_u + 0.45) / 0.4) ** 2))
+        moved[:, 2] += self.back.lumbar_m * exp(-(((points[:, 0] / half_u + 0.45) / 0.4) ** 2))
         return moved
 
     def pad(self, thickness_m: float, edge_m: float, w_m: float = 0.0, scale: float = 1.0) -> Pad:
@@ -145,7 +146,7 @@ def _add_net(pen: Pen, spec: ChairSpec, plane: BackPlane, skins: Skins) -> None:
     rim = even_outline(back.height_m / 2, back.width_m / 2, back.exponent, 32)
     shrink = 1.0 - _NET_FRAME_M / np.array((back.height_m / 2, back.width_m / 2))
     flat = np.column_stack((rim * shrink, np.zeros(len(rim))))
-    bent = plane.bend(flat) @ plane.axes + plane.point(back.height_m / 2, 0.0, 0.0)
+    bent = product(plane.bend(flat), plane.axes) + plane.point(back.height_m / 2, 0.0, 0.0)
     pen.mesh(_centred_loop(bent), skins.frame, "back")
     u = 0.24 * back.height_m
     reach = 0.44 * back.width_m

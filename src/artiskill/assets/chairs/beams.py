@@ -7,6 +7,8 @@ import numpy as np
 
 from artiskill.assets.articulated_object import CollisionShape
 from artiskill.assets.chairs.pads import hull_shape
+from artiskill.geometry.arrays import norm
+from artiskill.geometry.exact import dot, product
 from artiskill.geometry.meshes import TriMesh, loft, superellipse, tube
 from artiskill.geometry.rotations import quat_from_matrix
 
@@ -46,16 +48,16 @@ class Beam:
         """The drawn surface, corners of the path rounded with such a radius, nearly."""
         path, width, height = _rounded(self.path, self.width, self.height, fillet_m, steps)
         if self.nose_m > 0:
-            end = path[-1] + self.nose_m * (path[-1] - path[-2]) / np.linalg.norm(path[-1] - path[-2])
+            end = path[-1] + self.nose_m * (path[-1] - path[-2]) / norm(path[-1] - path[-2])
             path = np.concatenate((path, end[None]))
             width, height = (np.append(sizes, _NOSE_SHARE * sizes[-1]) for sizes in (width, height))
         section = superellipse(0.5, 0.5, 2.0 if self.round else 6.0, count)
-        lengths = np.concatenate(((0.0,), np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))))
+        lengths = np.concatenate(((0.0,), np.cumsum(norm(np.diff(path, axis=0)))))
         rings, uvs = [], []
         for i, point in enumerate(path):
             side, across, stretch = _frame(path, i, self.lateral)
             offsets = section * (width[i], height[i] * stretch)
-            rings.append(point + offsets @ np.stack((side, across)))
+            rings.append(point + product(offsets, np.stack((side, across))))
             uvs.append(np.column_stack((np.full(count, lengths[i]), offsets.sum(axis=1))))
         mesh = loft(np.stack(rings))
         return TriMesh(mesh.vertices, mesh.faces, np.concatenate(uvs).astype(np.float32))  # in metres
@@ -67,7 +69,7 @@ class Beam:
     def _shape(self, i: int, part: str) -> CollisionShape:
         start, end = self.path[i], self.path[i + 1]
         along = end - start
-        length = float(np.linalg.norm(along))
+        length = float(norm(along))
         axes = _axes(along, self.lateral)
         width, height = self.width[i : i + 2], self.height[i : i + 2]
         turn = quat_from_matrix(axes.T)
@@ -107,7 +109,7 @@ class Tube:
             along = end - start
             helper = np.eye(3)[np.argmin(np.abs(along))]
             turn = quat_from_matrix(_axes(along, helper).T)
-            half = max(float(np.linalg.norm(along)) / 2, 1e-4)
+            half = max(float(norm(along)) / 2, 1e-4)
             found.append(CollisionShape("capsule", (self.radius_m, half), (start + end) / 2, turn, part=part))
         return found
 
@@ -116,11 +118,11 @@ def loop_mesh(path: np.ndarray, radius_m: float, count: int = 8) -> TriMesh:
     """A round tube along a closed path (P, 3), counter-clockwise about the direction of its own normal."""
     after, before = np.roll(path, -1, axis=0), np.roll(path, 1, axis=0)
     tangents = after - before
-    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    tangents /= norm(tangents)[:, None]
     normal = np.cross(path, after).sum(axis=0)
-    normal /= np.linalg.norm(normal)
+    normal /= norm(normal)
     outward = np.cross(tangents, normal)
-    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+    outward /= norm(outward)[:, None]
     upward = np.cross(outward, tangents)
     angles = np.arange(count) * (2 * np.pi / count)
     rings = path[:, None] + radius_m * (
@@ -136,9 +138,9 @@ def loop_mesh(path: np.ndarray, radius_m: float, count: int = 8) -> TriMesh:
 
 def _axes(along: np.ndarray, lateral: np.ndarray) -> np.ndarray:
     """Rows: lateral made square to the path, across both, along."""
-    tangent = along / np.linalg.norm(along)
-    side = lateral - tangent * (lateral @ tangent)
-    side = side / np.linalg.norm(side)
+    tangent = along / norm(along)
+    side = lateral - tangent * dot(lateral, tangent)
+    side = side / norm(side)
     return np.stack((side, np.cross(tangent, side), tangent))
 
 
@@ -148,9 +150,9 @@ def _frame(path: np.ndarray, i: int, lateral: np.ndarray) -> tuple[np.ndarray, n
     after = path[min(i + 1, len(path) - 1)] - path[i]
     before = before if i > 0 else after
     after = after if i < len(path) - 1 else before
-    before, after = before / np.linalg.norm(before), after / np.linalg.norm(after)
+    before, after = before / norm(before), after / norm(after)
     side, across, tangent = _axes(before + after, lateral)
-    return side, across, 1.0 / max(float(tangent @ after), 0.5)
+    return side, across, 1.0 / max(float(dot(tangent, after)), 0.5)
 
 
 def _rounded(
@@ -162,7 +164,7 @@ def _rounded(
     rows = np.column_stack((path, width, height))
     out = [rows[0]]
     for before, corner, after in zip(rows[:-2], rows[1:-1], rows[2:], strict=True):
-        reach = [min(radius_m / np.linalg.norm((p - corner)[:3]), 0.48) for p in (before, after)]
+        reach = [min(radius_m / norm((p - corner)[:3]), 0.48) for p in (before, after)]
         start, end = corner + reach[0] * (before - corner), corner + reach[1] * (after - corner)
         shares = np.linspace(0.0, 1.0, steps + 1)
         out += [(1 - t) ** 2 * start + 2 * t * (1 - t) * corner + t**2 * end for t in shares]

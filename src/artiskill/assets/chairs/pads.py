@@ -10,6 +10,8 @@ import numpy as np
 
 from artiskill.assets.articulated_object import CollisionShape
 from artiskill.assets.parts import IDENTITY
+from artiskill.geometry.arrays import norm
+from artiskill.geometry.exact import arccos, product
 from artiskill.geometry.hulls import convex_hull
 from artiskill.geometry.meshes import TriMesh, loft, superellipse
 
@@ -91,7 +93,7 @@ def _strip_points(pad: Pad, rim: np.ndarray, along: int, cut: tuple[float, float
     middle = strip.mean(axis=0)
     for scale in (0.6, 0.0):  # a face that bulges is covered too
         inner = middle + scale * (strip - middle)
-        crown = pad.crown_m * (1 - np.linalg.norm(inner / half, axis=1) ** 2)
+        crown = pad.crown_m * (1 - norm(inner / half) ** 2)
         layers.append(np.column_stack((inner, pad.thickness_m + np.maximum(crown, 0.0))))
     return np.round(convex_hull(pad.bend(np.concatenate(layers))).mesh.vertices, 6)
 
@@ -104,7 +106,7 @@ def _subdivided(outline: np.ndarray, longest_m: float) -> np.ndarray:
     """An outline whose edges are no longer than that."""
     points = []
     for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
-        steps = max(int(np.ceil(np.linalg.norm(end - start) / longest_m)), 1)
+        steps = max(int(np.ceil(norm(end - start) / longest_m)), 1)
         points += [start + k / steps * (end - start) for k in range(steps)]
     return np.array(points)
 
@@ -116,10 +118,10 @@ def rolled_mesh(pad: Pad, rolls: int, groove_m: float, tile_m: float) -> TriMesh
     rings = []
     for share in shares:
         # an arch per roll; the first and the last end thin
-        arch = abs(math.sin(math.pi * rolls * (share + 1) / 2)) ** 0.6
+        arch = math.pow(abs(math.sin(math.pi * rolls * (share + 1) / 2)), 0.6)
         at_end = abs(share) > 1 - 1e-9
         thick = pad.thickness_m * 0.7 if at_end else pad.thickness_m - groove_m * (1 - arch)
-        wide = half_v * (1 - min(abs(share), 0.995) ** pad.exponent) ** (1 / pad.exponent)
+        wide = half_v * math.pow(1 - math.pow(min(abs(share), 0.995), pad.exponent), 1 / pad.exponent)
         section = superellipse(wide, thick / 2, 5.0, 16)
         rings.append(np.column_stack((np.full(16, share * half_u), section[:, 0], section[:, 1] + thick / 2)))
     flat = np.concatenate(rings)
@@ -138,9 +140,9 @@ def even_outline(half_u: float, half_v: float, exponent: float, count: int) -> n
     dense = superellipse(half_u, half_v, exponent, _DENSE)
     closed = np.concatenate((dense, dense[:1]))
     edges = np.diff(closed, axis=0)
-    steps = np.linalg.norm(edges, axis=1)
-    turned = (edges * np.roll(edges, 1, axis=0)).sum(axis=1) / (steps * np.roll(steps, 1))
-    turning = np.arccos(np.clip(turned, -1.0, 1.0))
+    steps = norm(edges)
+    cosine = (edges * np.roll(edges, 1, axis=0)).sum(axis=1) / (steps * np.roll(steps, 1))
+    turning = arccos(np.clip(cosine, -1.0, 1.0))
     steps = steps / steps.sum() + _CORNER_WEIGHT * (turning + np.roll(turning, -1)) / 2 / turning.sum()
     length = np.concatenate(((0.0,), np.cumsum(steps)))
     at = np.arange(count) * (length[-1] / count)
@@ -206,7 +208,7 @@ def placed(pad: Pad, origin: Any, axes: Any) -> Pad:
     start, rows = np.asarray(origin, dtype=float), np.asarray(axes, dtype=float)
 
     def bend(points: np.ndarray) -> np.ndarray:
-        moved: np.ndarray = pad.bend(points) @ rows + start
+        moved: np.ndarray = product(pad.bend(points), rows) + start
         return moved
 
     return Pad(pad.half_u, pad.half_v, pad.exponent, pad.thickness_m, pad.edge_m, pad.crown_m, bend)

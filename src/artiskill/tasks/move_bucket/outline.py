@@ -1,11 +1,12 @@
 """How far a vessel's body reaches out, by direction and height: what hands press against from the sides."""
 
+import itertools
 from functools import lru_cache
-from itertools import product
 
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape
+from artiskill.geometry.exact import product
 from artiskill.geometry.hulls import convex_hull
 from artiskill.geometry.rotations import transform_points
 
@@ -40,7 +41,7 @@ def _corners(shape: CollisionShape) -> np.ndarray:
     if shape.vertices is not None:
         local = shape.vertices
     else:
-        local = np.array(list(product((-1.0, 1.0), repeat=3))) * _half_extents(shape)
+        local = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * _half_extents(shape)
     return np.asarray(transform_points(shape.position, shape.quaternion, local))
 
 
@@ -65,7 +66,7 @@ def _section_reach(triangles: np.ndarray, z: float) -> np.ndarray:
     angles = 2 * np.pi / DIRECTIONS * np.arange(DIRECTIONS)
     along = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
     across = np.stack((-np.sin(angles), np.cos(angles)), axis=-1)
-    side, out = points @ across.T, points @ along.T  # (S, 2, D)
+    side, out = product(points, across.T), product(points, along.T)  # (S, 2, D)
     met = (side[:, 0] > 0) != (side[:, 1] > 0)
     width = np.where(met, side[:, 0] - side[:, 1], 1.0)
     reach = out[:, 0] + side[:, 0] / width * (out[:, 1] - out[:, 0])

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from artiskill.config import check_positive
-from artiskill.geometry.arrays import Array, columns, namespace
+from artiskill.geometry.arrays import Array, columns, dot, namespace, norm
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.move_bucket.goal import BucketGoal, bucket_centre_w
 from artiskill.tasks.move_bucket.success import ball_depth_m
@@ -130,8 +130,8 @@ def hand_places(snapshot: Snapshot, centre_w: Array) -> tuple[Array, Array]:
     xp = namespace(centre_w)
     from_centre = snapshot.tool_position_w - centre_w[:, None]  # (B, 2, 3)
     plane = from_centre[..., :2]
-    lengths = xp.sqrt(xp.vecdot(plane, plane))  # (B, 2)
+    lengths = norm(plane)  # (B, 2)
     least_length = xp.asarray(1e-6, dtype=lengths.dtype)
-    cosine = xp.vecdot(plane[:, 0], plane[:, 1]) / xp.maximum(lengths[:, 0] * lengths[:, 1], least_length)
+    cosine = dot(plane[:, 0], plane[:, 1]) / xp.maximum(lengths[:, 0] * lengths[:, 1], least_length)
     up = snapshot.link_rotation_w[:, 0, :, 2]
-    return cosine, xp.abs(xp.vecdot(from_centre[:, 0] - from_centre[:, 1], up))
+    return cosine, xp.abs(dot(from_centre[:, 0] - from_centre[:, 1], up))

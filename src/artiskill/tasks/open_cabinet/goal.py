@@ -2,14 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.errors import AssetError
-from artiskill.geometry.arrays import Array, namespace
+from artiskill.geometry.arrays import Array
 from artiskill.geometry.rotations import quat_to_matrix
 
 # A plane that every point lies inside of, far away: it pads hulls with fewer planes than their batch's largest.
@@ -59,11 +58,6 @@ class OpenGoal:
     grasp_positions: Array
     grasp_rotations: Array
     grasp_width_m: Array
-
-    @cached_property
-    def grasp_rotations_flat(self) -> Array:
-        """(B, G, 9) `grasp_rotations`, row after row."""
-        return namespace(self.grasp_rotations).reshape(self.grasp_rotations, (*self.grasp_rotations.shape[:2], 9))
 
 
 def make_open_goal(obj: ArticulatedObject, target: str, open_fraction: float) -> OpenGoal:

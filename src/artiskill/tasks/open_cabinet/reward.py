@@ -4,9 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from artiskill.config import check_positive
-from artiskill.geometry.arrays import Array, clamp, columns, greatest, namespace
+from artiskill.geometry.arrays import Array, columns, namespace
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet.goal import OpenGoal
+from artiskill.tasks.open_cabinet.hand_pose import hand_angle
 from artiskill.tasks.open_cabinet.proximity import handle_proximity
 from artiskill.tasks.open_cabinet.success import SuccessConfig
 from artiskill.tasks.staged_reward import Ramp, Stage, StageTable
@@ -105,13 +106,3 @@ def open_reward_terms(
         snapshot.link_angular_speed_rad_s[row, link] / success.max_angular_speed_rad_s,
     )
     return TABLE.evaluate(columns([measured[i] for i in _ORDER]), stage, config.stage_bonus)
-
-
-def hand_angle(snapshot: Snapshot, goal: OpenGoal) -> Array:
-    """Angle between the hand and the nearest of the handle's grasp poses, over pi: (B,) in [0, 1]."""
-    xp = namespace(snapshot.tool_rotation_w)
-    rotation = snapshot.link_rotation_w[goal.row, goal.link]
-    hand = xp.matrix_transpose(rotation) @ snapshot.tool_rotation_w[:, 0]  # in the link's frame
-    # traces of the relative rotations, (B, G)
-    traces = xp.vecdot(xp.reshape(hand, (-1, 1, 9)), goal.grasp_rotations_flat)
-    return xp.acos(clamp(0.5 * greatest(traces) - 0.5, -1.0, 1.0)) / xp.pi

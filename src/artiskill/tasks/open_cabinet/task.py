@@ -6,10 +6,10 @@ from functools import partial
 from artiskill.assets.articulated_object import JointKind
 from artiskill.config import check_inside
 from artiskill.tasks import staged_reward
+from artiskill.tasks.open_cabinet import hand_pose, proximity
 from artiskill.tasks.open_cabinet.goal import make_open_goal
 from artiskill.tasks.open_cabinet.initial import InitialStateConfig, sample_initial_state
 from artiskill.tasks.open_cabinet.masks import MASK_NAMES, cabinet_masks
-from artiskill.tasks.open_cabinet.proximity import load_kernel
 from artiskill.tasks.open_cabinet.reward import TABLE, RewardConfig, open_reward_terms
 from artiskill.tasks.open_cabinet.state import observe_cabinet_state, state_fields
 from artiskill.tasks.open_cabinet.success import FLAG_NAMES, SuccessConfig, open_flags
@@ -38,7 +38,8 @@ def make_open_cabinet(config: OpenCabinetConfig) -> Task:
     """Assemble the task; doors and drawers differ only in `config`."""
     robot = config.robot
     check_inside("initial.lift_m", config.initial.lift_m, robot.lift.range_m)
-    load_kernel()
+    proximity.load_kernel()
+    hand_pose.load_kernel()
     staged_reward.load_kernel()
     return Task(
         name=config.name,

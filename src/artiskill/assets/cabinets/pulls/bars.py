@@ -15,6 +15,7 @@ from artiskill.assets.cabinets.pulls.pull import (
     is_hookable,
 )
 from artiskill.assets.cabinets.spec import HandleModel
+from artiskill.geometry.exact import power
 from artiskill.geometry.meshes import box, cylinder, merge
 from artiskill.geometry.strips import strip
 
@@ -63,7 +64,7 @@ def build_bow(model: HandleModel, length_m: float, sinks: Sinks) -> Pull:
     straight = half - _CUT_CORNER * out
     if model.shape == "arch":
         s = np.linspace(-1.0, 1.0, 15)
-        path = np.stack((-out * (1 - np.abs(s) ** _ARCH_POWER), 0 * s, half * s), axis=-1)
+        path = np.stack((-out * (1 - power(np.abs(s), _ARCH_POWER)), 0 * s, half * s), axis=-1)
         touched = path[[0, 3, 5, 9, 11, 14]]
     else:
         path = _d_path(out, half)

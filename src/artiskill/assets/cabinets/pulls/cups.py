@@ -7,6 +7,7 @@ from artiskill.assets.cabinets.pulls.pull import PART, Pull, Sinks
 from artiskill.assets.cabinets.spec import HandleModel
 from artiskill.assets.handles import Grip, grasp_depth
 from artiskill.assets.parts import IDENTITY
+from artiskill.geometry.exact import power
 from artiskill.geometry.meshes import TriMesh
 
 _SHEET_M = 0.0022
@@ -41,11 +42,11 @@ def _surface(model: HandleModel, length_m: float, inset_m: float, along: int, ar
     half = length_m / 2 + model.overhang_m - inset_m
     height, out = model.size_m - inset_m, model.projection_m - inset_m
     s = -np.cos(np.linspace(0.0, np.pi, along))  # dense at the ends
-    power = _POWERS[model.shape]
-    width = np.maximum(1.0 - np.abs(s) ** power, 0.01) ** (1 / power)
+    bend = _POWERS[model.shape]
+    width = power(np.maximum(1.0 - power(np.abs(s), bend), 0.01), 1 / bend)
     angle = np.linspace(0.0, np.pi / 2, around)
     y = model.size_m / 2 - height * width[:, None] * np.cos(angle)
-    x = -out * width[:, None] ** 0.7 * np.sin(angle)
+    x = -out * power(width, 0.7)[:, None] * np.sin(angle)
     z = np.broadcast_to((half * s)[:, None], y.shape)
     return np.stack((x, y, z), axis=-1)
 

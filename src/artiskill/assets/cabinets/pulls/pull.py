@@ -4,6 +4,7 @@ Builders work in one frame: the origin on the front's outer face behind the hand
 the handle's long side along z. `build.build_pull` brings the result to its place.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 from artiskill.assets.articulated_object import CollisionShape
 from artiskill.assets.handles import Grip, grasp_depth
 from artiskill.assets.parts import IDENTITY
+from artiskill.geometry.arrays import norm
 from artiskill.geometry.meshes import TriMesh
 from artiskill.geometry.rotations import quat_from_axis_angle
 
@@ -51,7 +53,7 @@ class Pull:
 def capsule_between(start: Any, end: Any, radius: float) -> CollisionShape:
     """A capsule whose caps are centred on two points."""
     a, b = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
-    length = float(np.linalg.norm(b - a))
+    length = float(norm(b - a))
     return CollisionShape("capsule", (radius, length / 2), (a + b) / 2, turn_onto((b - a) / length), part=PART)
 
 
@@ -64,10 +66,10 @@ def block(low: Any, high: Any) -> CollisionShape:
 def turn_onto(direction: np.ndarray) -> np.ndarray:
     """The least rotation, (4,), of the z axis onto a unit vector."""
     axis = np.cross((0.0, 0.0, 1.0), direction)
-    sine = float(np.linalg.norm(axis))
+    sine = float(norm(axis))
     if sine < 1e-9:
         return IDENTITY
-    return quat_from_axis_angle(axis, float(np.arctan2(sine, direction[2])))
+    return quat_from_axis_angle(axis, math.atan2(sine, direction[2]))
 
 
 def bar_grip(projection_m: float, thickness_m: float, width_m: float) -> Grip:

@@ -1,0 +1,76 @@
+"""The same bits on other processors: NumPy and BLAS are told to do without what this processor has.
+
+Both choose their code when they are imported, hence the processes. Where a switch changes nothing (another NumPy,
+an older processor), there is nothing to see, and the test is skipped.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import artiskill
+
+from .bits import digests, few, probes, whole
+
+ROOT = Path(__file__).resolve().parents[2]
+PACK = Path(artiskill.__file__).parent / "demos" / "pack"
+
+# what a processor with AVX2 and one with neither AVX2 nor FMA lack, for NumPy
+AVX512 = ("AVX512", "X86_V4")
+ALL = ("",)
+PROCESSORS: dict[str, tuple[tuple[str, ...], str]] = {
+    "AVX2": (AVX512, "Haswell"),
+    "SSE4": (ALL, "Nehalem"),
+    "AVX2 in NumPy alone": (AVX512, ""),
+    "AVX2 in BLAS alone": ((), "Haswell"),
+    "SSE3 in BLAS alone": ((), "Prescott"),
+}
+
+
+def environment(processor: str) -> dict[str, str]:
+    """The variables that make NumPy and BLAS take this processor for another one."""
+    prefixes, blas = PROCESSORS[processor]
+    found: list[str] = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])  # type: ignore[index, call-overload]
+    without = [name for name in found if name.startswith(prefixes)] if prefixes else []
+    switches = {"NPY_DISABLE_CPU_FEATURES": " ".join(without), "OPENBLAS_CORETYPE": blas}
+    return os.environ | {name: value for name, value in switches.items() if value}
+
+
+@cache
+def here(size: str) -> dict[str, str]:
+    return digests(*(few() if size == "few" else whole()))
+
+
+@pytest.mark.parametrize(
+    ("processor", "size"),
+    [
+        ("AVX2", "few"),
+        ("SSE4", "few"),
+        *(pytest.param(name, "whole", marks=pytest.mark.slow) for name in PROCESSORS),
+    ],
+)
+def test_objects_and_episodes_have_the_same_bits_on_another_processor(processor: str, size: str) -> None:
+    command = [sys.executable, "-m", "tests.contract.bits", size]
+    result = subprocess.run(command, cwd=ROOT, env=environment(processor), capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    there: dict[str, Any] = json.loads(result.stdout)
+    if there["probes"] == probes():
+        pytest.skip("NumPy and BLAS compute the same with these switches: nothing to compare")
+    unlike = [name for name, value in here(size).items() if there["digests"][name] != value]
+    assert there["digests"].keys() == here(size).keys()
+    assert not unlike
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("processor", ["AVX2", "SSE4"])
+def test_the_demo_pack_verifies_on_another_processor(processor: str) -> None:
+    command = [sys.executable, "-m", "artiskill", "demos", "verify", str(PACK), "--workers", "2"]
+    result = subprocess.run(command, cwd=ROOT, env=environment(processor), capture_output=True, text=True)
+    assert result.returncode == 0, result.stdout + result.stderr

@@ -1,0 +1,108 @@
+"""Products and functions with the same bits everywhere, and the rooms that may use no others."""
+
+import ast
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import artiskill
+from artiskill.geometry.exact import arccos, arcsin, arctan2, dot, exp, power, product, turned
+
+SOURCE = Path(artiskill.__file__).parent
+ROOMS = ("geometry", "assets", "robots", "scene", "sim", "sensors", "tasks", "envs")
+# NumPy hands these to BLAS or LAPACK, or has several codes for them, for several processors
+UNLIKE = {
+    *("dot", "vdot", "inner", "tensordot", "einsum", "matmul", "vecdot", "matvec", "vecmat", "linalg", "cov"),
+    *("exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "logaddexp", "power", "pow", "float_power", "cbrt"),
+    *("tan", "arcsin", "arccos", "arctan", "arctan2", "asin", "acos", "atan", "atan2"),
+    *("sinh", "cosh", "tanh", "arcsinh", "arccosh", "arctanh", "asinh", "acosh", "atanh"),
+    *("geomspace", "logspace", "polyfit", "corrcoef", "convolve", "correlate"),
+}
+# file or folder -> why it may
+EXEMPT = {
+    "geometry/exact.py": "calls them for arrays of other libraries",
+    "assets/partnet": "imports from files, with CoACD: no hash of a catalogue is compared",
+    "sensors/camera.py": "whether a matrix is a rotation, to within 1e-6",
+    "sensors/framing.py": "where to look from, for pictures of objects",
+    "sensors/object_picture.py": "pictures of objects",
+    "sensors/overlay.py": "drawings for people",
+    "sensors/lighting.py": "powers of single numbers, by the C library",
+}
+
+
+@pytest.mark.parametrize("inner", [1, 2, 3, 9])
+def test_products_are_products(inner: int) -> None:
+    rng = np.random.default_rng(inner)
+    a, b, v = rng.normal(size=(5, 4, inner)), rng.normal(size=(5, inner, 7)), rng.normal(size=(5, inner))
+    np.testing.assert_allclose(product(a, b), a @ b, atol=1e-14)
+    np.testing.assert_allclose(product(a[0], b), a[0] @ b, atol=1e-14)
+    np.testing.assert_allclose(turned(a, v), (a @ v[..., None])[..., 0], atol=1e-14)
+    np.testing.assert_allclose(dot(v, v[0]), (v * v[0]).sum(axis=1), atol=1e-14)
+
+
+def test_a_product_adds_from_first_to_last() -> None:
+    values = np.array([[1e16, 1.0, -1e16, 1.0]])
+    assert product(values, np.ones((4, 1)))[0, 0] == ((1e16 + 1.0) - 1e16) + 1.0
+
+
+def test_functions_are_those_of_the_c_library_one_number_at_a_time() -> None:
+    x = np.random.default_rng(0).uniform(-1, 1, (7, 11))
+    y = np.abs(x[::-1])
+    for found, function in (
+        (arccos(x), math.acos),
+        (arcsin(x), math.asin),
+        (exp(x), math.exp),
+    ):
+        assert found.tolist() == [[function(value) for value in row] for row in x.tolist()]
+    assert arctan2(x[0], y).tolist() == [[math.atan2(*pair) for pair in zip(x[0], row, strict=True)] for row in y]
+    assert power(y, 0.7).tolist() == [[math.pow(value, 0.7) for value in row] for row in y.tolist()]
+    assert arccos(np.array(0.5)).shape == ()
+    assert arccos(np.zeros((0, 3))).shape == (0, 3)
+
+
+def test_numpy_has_the_c_librarys_sines() -> None:
+    """So that they need not stand among those that differ."""
+    x = np.random.default_rng(0).uniform(-10, 10, 1000)
+    assert np.sin(x).tolist() == [math.sin(value) for value in x.tolist()]
+    assert np.cos(x).tolist() == [math.cos(value) for value in x.tolist()]
+
+
+def unlike(text: str) -> Iterator[tuple[int, str]]:
+    """Where a source uses what may have other bits on another processor."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.BinOp | ast.AugAssign) and isinstance(node.op, ast.MatMult):
+            yield node.lineno, "@"
+        elif isinstance(node, ast.BinOp | ast.AugAssign) and isinstance(node.op, ast.Pow):
+            base, exponent = (node.left, node.right) if isinstance(node, ast.BinOp) else (node.target, node.value)
+            square = isinstance(exponent, ast.Constant) and exponent.value == 2
+            if not square and not isinstance(base, ast.Constant):
+                yield node.lineno, "**"
+        elif isinstance(node, ast.Attribute) and node.attr in UNLIKE and not is_module(node.value, "math"):
+            yield node.lineno, node.attr
+
+
+def is_module(node: ast.expr, name: str) -> bool:
+    return isinstance(node, ast.Name) and node.id == name
+
+
+def test_a_use_is_seen() -> None:
+    differing = ("a @ b", "x.dot(y)", "np.exp(x)", "xp.acos(x)", "x**0.7", "x **= 3", "np.linalg.norm(x)")
+    alike = ("x **= 2", "x**2", "2**31", "math.exp(1)", "exp(x)", "np.sqrt(x)", "np.sin(x)")
+    assert all(list(unlike(text)) for text in differing)
+    assert not any(list(unlike(text)) for text in alike)
+
+
+def test_rooms_whose_bits_count_use_nothing_that_differs_between_processors() -> None:
+    found = []
+    for path in sorted(path for room in ROOMS for path in (SOURCE / room).rglob("*.py")):
+        name = path.relative_to(SOURCE).as_posix()
+        if not any(name == exempt or name.startswith(exempt + "/") for exempt in EXEMPT):
+            found += [f"{name}:{line} {what}" for line, what in unlike(path.read_text(encoding="utf-8"))]
+    assert not found, "use artiskill.geometry.exact, or math for single numbers"
+
+
+def test_exemptions_exist() -> None:
+    assert all((SOURCE / name).exists() for name in EXEMPT)
