@@ -1,3 +1,4 @@
+import io
 import json
 import subprocess
 import sys
@@ -7,10 +8,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from PIL import Image
 from tests.demos.test_minari import TASK, training_files
 
 from artiskill.demos.export.lerobot import export_lerobot
-from artiskill.demos.export.lerobot_features import action_names
+from artiskill.demos.export.lerobot_features import action_names, camera_names
 from artiskill.demos.export.lerobot_stats import add_up, numbers_stats, pictures_stats
 from artiskill.demos.replay.training_file import TrainingFile
 from artiskill.envs.control import JOINT, OPERATIONAL
@@ -63,32 +65,56 @@ def test_videos(tmp_path: Path) -> None:
     info = json.loads((path / "meta/info.json").read_text())
     keys = [key for key, feature in info["features"].items() if feature["dtype"] == "video"]
     cameras = [f"observation.images.{name}" for name in ("front", "left", "right")]
-    assert keys == [key for camera in cameras for key in (camera, f"{camera}_masks")]
+    assert keys == cameras
     episodes = parquet.read_table(path / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
     with TrainingFile(next(training.folder.glob("*.h5"))) as file:
         rgb = np.concatenate([file.array(k, "obs/rgbd/rgb")[:-1] for k in range(2)])
-        seg = np.concatenate([file.array(k, "obs/rgbd/seg")[:-1] for k in range(2)])
     for camera, key in enumerate(cameras):
         assert info["features"][key]["shape"] == [34, 32, 3]
-        for name, wanted in ((key, rgb), (f"{key}_masks", seg * np.uint8(255))):
-            place = info["video_path"].format(video_key=name, chunk_index=0, file_index=0)
-            command = [ffmpeg.get_ffmpeg_exe(), "-v", "error", "-i", str(path / place)]
-            raw = subprocess.run(
-                [*command, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], capture_output=True, check=True
-            )
-            frames = np.frombuffer(raw.stdout, np.uint8).reshape(-1, 34, 32, 3)
-            assert len(frames) == info["total_frames"]
-            own = wanted[..., 3 * camera : 3 * camera + 3].astype(float)
-            assert np.abs(frames - own).mean() < 8  # H.264 loses colour at edges
+        place = info["video_path"].format(video_key=key, chunk_index=0, file_index=0)
+        command = [ffmpeg.get_ffmpeg_exe(), "-v", "error", "-i", str(path / place)]
+        raw = subprocess.run(
+            [*command, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], capture_output=True, check=True
+        )
+        frames = np.frombuffer(raw.stdout, np.uint8).reshape(-1, 34, 32, 3)
+        assert len(frames) == info["total_frames"]
+        own = rgb[..., 3 * camera : 3 * camera + 3].astype(float)
+        assert np.abs(frames - own).mean() < 8  # H.264 loses colour at edges
     starts = [episode[f"videos/{cameras[0]}/from_timestamp"] for episode in episodes]
     assert starts == [0.0, episodes[0]["length"] / 20]
+
+
+def test_masks_are_exact(tmp_path: Path) -> None:
+    """Each as a PNG in the table, in the form that the library `datasets` has for pictures."""
+    training = training_files(tmp_path / "t", "rgbd")
+    path = export_lerobot(training, tmp_path / "home", "mine/drawers")
+    info = json.loads((path / "meta/info.json").read_text())
+    rows = parquet.read_table(path / info["data_path"].format(chunk_index=0, file_index=0))
+    stats = json.loads((path / "meta/stats.json").read_text())
+    with TrainingFile(next(training.folder.glob("*.h5"))) as file:
+        seg = np.concatenate([file.array(k, "obs/rgbd/seg")[:-1] for k in range(2)])
+    assert len(rows) == len(seg)
+    for camera, name in enumerate(("front", "left", "right")):
+        key = f"observation.images.{name}_masks"
+        names = ["height", "width", "channel"]
+        assert info["features"][key] == {"dtype": "image", "shape": [34, 32, 3], "names": names}
+        pictures = np.stack([np.asarray(Image.open(io.BytesIO(row["bytes"]))) for row in rows[key].to_pylist()])
+        own = seg[..., 3 * camera : 3 * camera + 3]
+        assert own.any() or name != "front"
+        np.testing.assert_array_equal(pictures, own * np.uint8(255))
+        assert np.shape(stats[key]["mean"]) == (3, 1, 1)
+
+
+def test_cameras_are_called_by_where_they_look_to_only_if_they_are_the_usual_three() -> None:
+    assert camera_names(3) == ("front", "left", "right")
+    assert camera_names(2) == ("camera_0", "camera_1")
 
 
 def test_the_same_bytes_again(tmp_path: Path) -> None:
     training = training_files(tmp_path / "t", "rgbd", 1)
     one, other = (export_lerobot(training, tmp_path / home) for home in ("a", "b"))
     files = [path.relative_to(one) for path in one.rglob("*") if path.is_file()]
-    assert len(files) == 11
+    assert len(files) == 8
     assert all((one / name).read_bytes() == (other / name).read_bytes() for name in files)
 
 

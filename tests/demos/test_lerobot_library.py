@@ -56,6 +56,7 @@ def test_lerobot_reads_it(dataset_class: Any, obs_mode: str, tmp_path: Path) -> 
     with TrainingFile(next(training.folder.glob("*.h5"))) as file:
         lengths = [len(file.array(k, "actions")) for k in range(2)]
         assert len(dataset) == sum(lengths)
+        seen = 0
         for number, step in ((0, 0), (0, lengths[0] - 1), (1, 0), (1, 31)):
             frame = dataset[number * lengths[0] + step]
             group = file.groups[number]
@@ -73,6 +74,11 @@ def test_lerobot_reads_it(dataset_class: Any, obs_mode: str, tmp_path: Path) -> 
                     picture = frame[f"observation.images.{name}"].numpy().transpose(1, 2, 0)
                     own = group["obs/rgbd/rgb"][step][..., 3 * camera : 3 * camera + 3] / 255
                     assert np.abs(picture - own).mean() < 0.03
+                    masks = frame[f"observation.images.{name}_masks"].numpy().transpose(1, 2, 0)
+                    own = group["obs/rgbd/seg"][step][..., 3 * camera : 3 * camera + 3]
+                    seen += int(own.sum())
+                    np.testing.assert_array_equal(masks, own.astype(np.float32))
+    assert seen or obs_mode != "rgbd"
     stats = dataset.meta.stats
     assert stats["action"]["mean"].shape == (13,)
     assert stats["observation.state"]["q99"].shape == stats["observation.state"]["mean"].shape

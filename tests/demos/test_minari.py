@@ -17,6 +17,7 @@ from artiskill.demos.replay.replay import replay
 from artiskill.demos.replay.settings import ReplaySettings, make_sampling
 from artiskill.demos.replay.training_file import TrainingFile, TrainingFiles
 from artiskill.errors import ConfigError, DemoError
+from artiskill.jobs.reservation import reserved
 from artiskill.versions import versions
 
 TASK = "OpenCabinetDrawer"
@@ -120,6 +121,19 @@ def test_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(DemoError, match="No space left on device: 4 MB may be needed, 1 MB are free"):
         export_minari(training, tmp_path, "x-v0")
     assert not list(tmp_path.glob("*x-v0*"))
+
+
+def test_what_a_killed_export_left_is_removed(tmp_path: Path) -> None:
+    training = training_files(tmp_path / "t", "state", 1)
+    left = tmp_path / "home/mine/.part-x-v0"
+    (left / "dataset/data").mkdir(parents=True)
+    (left / "dataset/data/main_data.hdf5").write_bytes(b"half")
+    with reserved(left, "export"), pytest.raises(ConfigError, match=r"another export .* writes to"):
+        export_minari(training, tmp_path / "home", "mine/x-v0")
+    assert (left / "dataset/data/main_data.hdf5").exists()  # it is somebody else's now
+    path = export_minari(training, tmp_path / "home", "mine/x-v0")
+    assert [entry.name for entry in path.parent.iterdir()] == ["x-v0"]
+    assert sorted(entry.name for entry in (path / "data").iterdir()) == ["main_data.hdf5", "metadata.json"]
 
 
 def test_bad_input(tmp_path: Path) -> None:

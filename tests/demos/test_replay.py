@@ -1,3 +1,4 @@
+import dataclasses
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -254,6 +255,8 @@ def test_samplings_are_checked() -> None:
         make_sampling(100, frame="moon")
     with pytest.raises(ConfigError, match="full cloud is in the world's frame"):
         make_sampling(None, frame="robot")
+    with pytest.raises(ConfigError, match="full cloud has every point; method 'voxel' is for fewer points"):
+        make_sampling(None, "voxel")
     assert make_sampling(None) is None
 
 
@@ -338,6 +341,16 @@ def test_what_was_begun_otherwise(drawers: Path, clouds: Path, tmp_path: Path, p
     collect(plan(objects=["cabinet-0002"], per_object=3, first_level=50), other)
     with pytest.raises(DemoError, match=r"other settings .*first_level"):
         replay(other, own, settings_for(other))
+    everything = settings_for(
+        drawers, obs_mode="state", sampling=None, control_mode="operational_space", count=1, compression=2, seen={}
+    )
+    with pytest.raises(
+        DemoError, match=r"other settings \(obs_mode [^;]*; control_mode [^;]*; [^;]*; and \d+ more\)"
+    ):
+        replay(drawers, own, everything)
+    source = dataclasses.replace(everything.source, task="PushChair")
+    text = everything.differences(dataclasses.replace(everything, source=source))
+    assert text == "task OpenCabinetDrawer there, PushChair here"
     (own / "cabinet-0002.h5").write_bytes(b"x")
     with pytest.raises(DemoError, match="was changed or damaged: remove it and replay again"):
         replay(drawers, own, settings_for(drawers))

@@ -21,7 +21,9 @@ def add_command(commands: Any) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("path", type=Path, help="a folder of training files")
-    parser.add_argument("--format", required=True, choices=("minari", "lerobot"), metavar="FORMAT")
+    parser.add_argument(
+        "--format", required=True, choices=("minari", "lerobot"), metavar="FORMAT", help="minari or lerobot"
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="HOME", help="the library's home of datasets")
     parser.add_argument("--name", help="of the dataset: its id, and where it is in HOME")
     parser.set_defaults(run=run)
@@ -29,6 +31,7 @@ def add_command(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Check, write, say where it is."""
+    from artiskill.cli.demos_table import note_unfinished
     from artiskill.cli.progress import Progress
     from artiskill.demos.export.lerobot import export_lerobot
     from artiskill.demos.export.minari import export_minari
@@ -39,3 +42,4 @@ def run(arguments: argparse.Namespace) -> None:
     with Progress(f"writing {arguments.format}", max(len(training), 1), "trajectories") as progress:
         path = export(training, arguments.out, arguments.name, progress.advance)
     print(f"{len(training)} trajectories: {path}")
+    note_unfinished(arguments.path, "replayed")

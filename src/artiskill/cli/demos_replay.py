@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from artiskill.assets.articulated_object import ArticulatedObject
     from artiskill.demos.demos import Demos
+    from artiskill.demos.manifest import FileEntry
     from artiskill.demos.replay.settings import ReplaySettings
 
 _EPILOG = """examples:
@@ -40,7 +41,9 @@ def add_command(commands: Any) -> None:
         "--restore", dest="way", action="store_const", const="restore", help="put recorded states in place instead"
     )
     parser.add_argument("--objects", nargs="+", metavar="OBJECT", help="only these: ids, or PartNet folders")
-    parser.add_argument("--count", type=int, help="trajectories of each object (default: all)")
+    parser.add_argument(
+        "--count", type=int, help="successes of each object, or attempts if failures are kept (default: all)"
+    )
     parser.add_argument("--keep-failures", action="store_true", help="keep what is no longer solved, too")
     parser.add_argument("--compression", type=int, default=1, help="level of gzip, 0 to 9 (default: %(default)s)")
     parser.add_argument(
@@ -57,13 +60,14 @@ def add_command(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check everything, replay, show what came of it; the exit status."""
-    from artiskill.cli.demos_table import note_unfinished, print_replay
+    from artiskill.cli.demos_table import note_unfinished, note_versions, print_replay
     from artiskill.cli.parser import overrides_of
     from artiskill.cli.progress import Progress
     from artiskill.demos.demos import Demos
     from artiskill.demos.replay.blocks import Replayed
     from artiskill.demos.replay.choice import select
     from artiskill.demos.replay.replay import Replaying, replay
+    from artiskill.demos.replay.settings import SIMULATE
     from artiskill.jobs.parallel import available_cores
 
     demos = Demos(arguments.path)
@@ -71,8 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     objects = None if arguments.objects is None else [find_object(name, demos) for name in arguments.objects]
     workers = available_cores() if arguments.workers is None else arguments.workers
     title = f"{settings.source.task}, {settings.obs_mode}, {settings.control_mode}"
-    counts = [entry.trajectories for _, entry, _ in select(demos, objects)]
-    total = sum(min(count, arguments.count or count) for count in counts)
+    total = sum(_wanted(entry, settings) for _, entry, _ in select(demos, objects))
     frames, start = 0, time.perf_counter()
     with Progress(title, max(total, 1), "trajectories") as progress:
 
@@ -82,12 +85,24 @@ def run(arguments: argparse.Namespace) -> int:
         def on_replayed(news: Replayed) -> None:
             nonlocal frames
             frames += news.frames
+            if news.fault:
+                progress.say(news.fault)
             progress.advance(news.success)
 
         manifest = replay(arguments.path, arguments.out, settings, workers, objects, on_replayed, on_start)
     print_replay(manifest, arguments.out, frames, time.perf_counter() - start)
     note_unfinished(arguments.path)
+    if settings.way == SIMULATE:
+        note_versions(arguments.path, demos.manifest.settings)
     return 0
+
+
+def _wanted(entry: "FileEntry", settings: "ReplaySettings") -> int:
+    """How many trajectories of an object are replayed."""
+    if settings.count is None:
+        return entry.trajectories
+    successes = sum(target.successes for target in entry.targets)
+    return min(settings.count, entry.trajectories if settings.keep_failures else successes)
 
 
 def settings_of(arguments: argparse.Namespace, demos: "Demos", seen: dict[str, Any]) -> "ReplaySettings":

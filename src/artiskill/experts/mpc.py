@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from artiskill.config import CONFIG_DIR, check_positive, check_value, load_config
+from artiskill.errors import DivergedError
 from artiskill.robots.actions import ActionScale
 from artiskill.scene.scene import Scene
 from artiskill.sim.simulation import Simulation
@@ -21,6 +22,7 @@ from artiskill.tasks.goals import stack_goals
 from artiskill.tasks.task import Goal, Task
 
 CONFIG_PATH = CONFIG_DIR / "experts" / "mpc.yaml"
+_MOST_EXPONENT = 10.0  # noise of a greater one is a constant
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,8 @@ class MpcConfig:
         check_value(self, "kept_elites", 0 <= self.kept_elites <= self.elites, "must lie between 0 and elites")
         check_value(self, "act_steps", self.act_steps <= self.horizon_steps, "must not exceed horizon_steps")
         check_value(self, "momentum", 0 <= self.momentum < 1, "must lie in [0, 1)")
+        legal = 0 <= self.noise_exponent <= _MOST_EXPONENT
+        check_value(self, "noise_exponent", legal, f"must lie in [0, {_MOST_EXPONENT:g}]")
         check_value(self, "discount", 0 < self.discount <= 1, "must lie in (0, 1]")
 
 
@@ -139,11 +143,19 @@ class Planner:
         return candidates
 
     def _values(self, state: SimulationState, actions: np.ndarray) -> np.ndarray:
-        """(N,) discounted rewards of action sequences (N, H, A) from a state."""
+        """(N,) discounted rewards of action sequences (N, H, A) from a state; -inf where the physics diverges."""
         self._simulation.spread(state)
-        snapshots = self._simulation.rollout(self._scale.to_targets(actions))
-        weights = self._config.discount ** np.arange(actions.shape[1])
-        return np.asarray(weights @ np.stack([self._reward(snapshot) for snapshot in snapshots]))
+        targets, rewards, diverged = self._scale.to_targets(actions), [], set[int]()
+        for k in range(actions.shape[1]):
+            try:
+                self._simulation.step(targets[:, k])
+            except DivergedError as error:  # the others have stepped
+                diverged.update(error.causes)
+            rewards.append(self._reward(self._simulation.snapshot()))
+        weights = self._config.discount ** np.arange(len(rewards))
+        values = np.asarray(weights @ np.stack(rewards))
+        values[list(diverged)] = -np.inf
+        return values
 
     def _reward(self, snapshot: Snapshot) -> np.ndarray:
         """(N,) dense rewards."""

@@ -1,4 +1,4 @@
-"""LeRobotDataset v3.0: numbers in Parquet, cameras as videos, episodes and statistics beside them.
+"""LeRobotDataset v3.0: numbers and masks in Parquet, cameras as videos, episodes and statistics beside them.
 
 Written without LeRobot, which needs torch; `LeRobotDataset(name, root=...)` reads it. Each frame is an observation
 and the action taken there; the last observation of an episode, after its last action, is left out.
@@ -14,7 +14,7 @@ import numpy as np
 
 from artiskill.demos.export.folder import check_not_empty, new_folder
 from artiskill.demos.export.lerobot_features import Layout
-from artiskill.demos.export.lerobot_stats import add_up, numbers_stats, pictures_stats
+from artiskill.demos.export.lerobot_stats import add_up, stats_of
 from artiskill.demos.export.lerobot_tables import EpisodeTable, FrameTable, write_tasks
 from artiskill.demos.export.lerobot_videos import VideoFile
 from artiskill.demos.hdf5 import reading
@@ -124,14 +124,14 @@ class _Export:
             "index": np.arange(self._total, self._total + count),
             "task_index": np.zeros(count, dtype=np.int64),
         }
-        stats = {key: numbers_stats(values) for key, values in columns.items()}
+        stats = {key: stats_of(values) for key, values in columns.items()}
         chunk, file = divmod(self._frames.add(columns), _FILES_PER_CHUNK)
         row |= {"data/chunk_index": chunk, "data/file_index": file}
         for feature in self._layout.videos:
             with reading(source.path, group.name):
                 pictures = feature.read(group)[:count]
             row |= self._videos[feature.key].add(pictures)
-            stats[feature.key] = pictures_stats(pictures)
+            stats[feature.key] = stats_of(pictures)
         self._episodes.add(row, stats)
         self._count, self._total = self._count + 1, self._total + count
 

@@ -14,7 +14,7 @@ from artiskill.errors import ConfigError
 from artiskill.tasks.fields import ObservationField, robot_fields
 from artiskill.tasks.task import Task
 
-_VIDEO_CHANNELS = 3
+_CHANNELS = 3
 _CAMERAS = ("front", "left", "right")  # in the order of the task's
 _TRUNK = ("base x", "base y", "base yaw", "lift")
 _FINGERS = ("finger 1", "finger 2")
@@ -28,7 +28,7 @@ class Feature:
 
     Attributes:
         key: its name.
-        dtype: of its numbers; `video` for a video.
+        dtype: of its numbers; `video` for a video, `image` for pictures that are kept as they are.
         shape: of a frame.
         names: of its numbers, or of its axes.
         read: a training file's trajectory -> (T or T + 1, ...).
@@ -51,8 +51,8 @@ class Layout:
     Attributes:
         robot: name.
         frames_per_s: of the data.
-        columns: those in Parquet, the indices included.
-        videos: likewise, in files of their own.
+        columns: those in Parquet, the indices and masks included.
+        videos: the others, in files of their own.
 
     Raises:
         ConfigError: pictures of an odd number of pixels.
@@ -62,8 +62,10 @@ class Layout:
         task = settings.make_task()
         self.robot, self.frames_per_s = task.robot.name, round(1.0 / task.physics.step_s)
         leaves = leaf_spaces(spaces[0])
+        self.videos, masks = _pictures(task, leaves)
         self._own = (
             *_observed(task, leaves),
+            *masks,
             Feature(
                 "action",
                 "float32",
@@ -80,7 +82,6 @@ class Layout:
             Feature(key, "float32" if key == "timestamp" else "int64", (1,), None, _never)
             for key in ("timestamp", "frame_index", "episode_index", "index", "task_index")
         )
-        self.videos = tuple(_videos(task, leaves))
 
     def read(self, group: Any) -> dict[str, np.ndarray]:
         """The columns of a trajectory but for the indices, T rows each."""
@@ -131,33 +132,40 @@ def _observed(task: Task, leaves: dict[str, gym.spaces.Box]) -> list[Feature]:
     return found
 
 
-def _videos(task: Task, leaves: dict[str, gym.spaces.Box]) -> list[Feature]:
-    """A video per camera; a second one for its masks, white where they are, if they are three at most."""
+def _pictures(task: Task, leaves: dict[str, gym.spaces.Box]) -> tuple[tuple[Feature, ...], tuple[Feature, ...]]:
+    """A video per camera; and pictures of its masks, white where they are, if they are three at most.
+
+    Videos are not exact, least of all where little is to be seen. Masks must be, and are small as PNG.
+    """
     if "rgbd/rgb" not in leaves:
-        return []
+        return (), ()
     cameras, masks = task.cameras, len(task.mask_names)
-    shape = (cameras.height, cameras.width, _VIDEO_CHANNELS)
+    shape = (cameras.height, cameras.width, _CHANNELS)
     if cameras.height % 2 or cameras.width % 2:
         raise ConfigError(f"videos need pictures of even sides, not {cameras.width} x {cameras.height}")
-    names, found = ("height", "width", "channel"), []
-    for k in range(cameras.number):
-        camera = _CAMERAS[k] if cameras.number <= len(_CAMERAS) else f"camera_{k}"
-        key = f"observation.images.{camera}"
-        found.append(Feature(key, "video", shape, names, _pictures(k)))
-        if masks <= _VIDEO_CHANNELS:
-            found.append(Feature(f"{key}_masks", "video", shape, names, _masks(k, masks)))
-    return found
+    names = ("height", "width", "channel")
+    numbers = range(cameras.number)
+    keys = [f"observation.images.{name}" for name in camera_names(cameras.number)]
+    videos = tuple(Feature(keys[k], "video", shape, names, _colours(k)) for k in numbers)
+    if masks > _CHANNELS:
+        return videos, ()
+    return videos, tuple(Feature(f"{keys[k]}_masks", "image", shape, names, _masks(k, masks)) for k in numbers)
 
 
-def _pictures(camera: int) -> Callable[[Any], np.ndarray]:
-    start = _VIDEO_CHANNELS * camera
-    return lambda group: group["obs/rgbd/rgb"][..., start : start + _VIDEO_CHANNELS]
+def camera_names(number: int) -> tuple[str, ...]:
+    """What the cameras are called; where they look to is known of the usual three."""
+    return _CAMERAS if number == len(_CAMERAS) else tuple(f"camera_{k}" for k in range(number))
+
+
+def _colours(camera: int) -> Callable[[Any], np.ndarray]:
+    start = _CHANNELS * camera
+    return lambda group: group["obs/rgbd/rgb"][..., start : start + _CHANNELS]
 
 
 def _masks(camera: int, masks: int) -> Callable[[Any], np.ndarray]:
     def read(group: Any) -> np.ndarray:
         seg = group["obs/rgbd/seg"][..., masks * camera : masks * (camera + 1)]
-        found = np.zeros((*seg.shape[:-1], _VIDEO_CHANNELS), dtype=np.uint8)
+        found = np.zeros((*seg.shape[:-1], _CHANNELS), dtype=np.uint8)
         found[..., :masks] = seg * np.uint8(255)
         return found
 

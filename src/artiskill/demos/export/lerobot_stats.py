@@ -11,6 +11,11 @@ _PICTURES, _STRIDE = 20, 4  # of an episode's pictures so many, and of their row
 Stats = dict[str, np.ndarray]
 
 
+def stats_of(values: np.ndarray) -> Stats:
+    """Of a feature's values in an episode: pictures, or numbers."""
+    return pictures_stats(values) if values.ndim == 4 else numbers_stats(values)
+
+
 def numbers_stats(values: np.ndarray) -> Stats:
     """Of (T,), per number of (T, n), or per channel of the points (T, N, n); each (1,), (n,) or (1, n)."""
     rows = values.reshape(len(values), 1) if values.ndim == 1 else values

@@ -1,11 +1,13 @@
 """The Parquet files of a LeRobotDataset; pyarrow is an extra."""
 
+import io
 import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from artiskill.demos.export.lerobot_features import Feature
 from artiskill.demos.export.lerobot_stats import Stats
@@ -69,6 +71,8 @@ class FrameTable:
         self._writer = self._parquet.ParquetWriter(path, self._schema, compression="snappy")
 
     def _type(self, feature: Feature) -> Any:
+        if feature.dtype == "image":  # as the library `datasets` has them
+            return self._pa.struct({"bytes": self._pa.binary(), "path": self._pa.string()})
         found = self._pa.from_numpy_dtype(np.dtype(feature.dtype))
         if feature.shape == (1,):
             return found
@@ -80,6 +84,8 @@ class FrameTable:
 
     def _array(self, values: np.ndarray, feature: Feature) -> Any:
         pa = self._pa
+        if feature.dtype == "image":
+            return pa.array([{"bytes": _png(value), "path": None} for value in values], self._type(feature))
         flat = pa.array(np.ascontiguousarray(values).reshape(-1))
         if feature.shape == (1,):
             return flat
@@ -89,6 +95,13 @@ class FrameTable:
             offsets = np.arange(0, len(flat) + 1, size, dtype=np.int32)
             flat = pa.ListArray.from_arrays(pa.array(offsets), flat)
         return flat
+
+
+def _png(picture: np.ndarray) -> bytes:
+    """(H, W, 3) uint8 as a file, without loss."""
+    stream = io.BytesIO()
+    Image.fromarray(picture).save(stream, "PNG", compress_level=1)
+    return stream.getvalue()
 
 
 class EpisodeTable:

@@ -78,13 +78,19 @@ def export_minari(
             "algorithm_name": source.expert.name,
             "author": ["ArtiSkill"],
             "requirements": [f"artiskill=={source.versions['artiskill']}"],
-            "description": (
-                f"{source.task} solved by scripted experts, {settings.control_mode} control, "
-                f"{settings.obs_mode} observations"
-            ),
+            "description": _description(settings),
         }
         (data / "metadata.json").write_text(json.dumps(metadata) + "\n", encoding="utf-8")
     return path
+
+
+def _description(settings: ReplaySettings) -> str:
+    """One line."""
+    outcome = "tried, and not always solved," if settings.keep_failures else "solved"
+    return (
+        f"{settings.source.task} {outcome} by scripted experts, {settings.control_mode} control, "
+        f"{settings.obs_mode} observations"
+    )
 
 
 def env_spec(settings: ReplaySettings, objects: list[str]) -> str:

@@ -43,10 +43,12 @@ class Replayed:
     Attributes:
         frames: observations that it has.
         success: whether it is solved.
+        fault: what ended it, where that was not the episode's end, and of what; else empty.
     """
 
     frames: int
     success: bool
+    fault: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +136,8 @@ def run_block(block: Block, tell: Callable[[Replayed], None]) -> None:
             for number in block.numbers:
                 outcome = _replay_one(file, demos, number, env, obj, source, settings)
                 outcomes.append(outcome)
-                tell(Replayed(outcome.steps + 1, outcome.success))
+                fault = f"{block.object}, trajectory {number}: {outcome.fault}" if outcome.fault else ""
+                tell(Replayed(outcome.steps + 1, outcome.success, fault))
             file.create_dataset(OUTCOMES, data=outcome_table(outcomes))
     block.seal()
 
@@ -185,7 +188,8 @@ def _replay_one(
     writer = TrajectoryWriter(group, env.observation_space, settings.compression)
     play = simulate if settings.way == SIMULATE else restore
     outcome = play(number, trajectory, env, obj, source, writer)
-    if not outcome.success and not settings.keep_failures:
+    is_wanted = outcome.success or settings.keep_failures
+    if not (is_wanted and outcome.steps):  # one that diverges at once has no step to learn from
         del file[group.name]  # what it took in the file is not copied to the next one
         return outcome
     about = {

@@ -32,11 +32,18 @@ def select(demos: Demos, objects: Sequence[str | ArticulatedObject] | None) -> l
     return [found[key] for key in by_object if key in found]
 
 
-def choose(file: DemoFile, count: int | None) -> tuple[int, ...]:
-    """Numbers of trajectories: all, or the first ones of each target, evenly of all targets."""
-    if count is None or count >= len(file):
+def choose(file: DemoFile, count: int | None, keep_failures: bool = False) -> tuple[int, ...]:
+    """Numbers of trajectories: all, or the first ones of each target, evenly of all targets.
+
+    Args:
+        file: of demonstrations.
+        count: so many; None for all.
+        keep_failures: failures count, too; else `count` successes are chosen.
+    """
+    if count is None:
         return tuple(range(len(file)))
-    rows = file.attempts[file.attempts["trajectory"] >= 0]
+    attempts = file.attempts
+    rows = attempts[(attempts["trajectory"] >= 0) & (attempts["success"].astype(bool) | keep_failures)]
     rank = np.zeros(len(rows), dtype=int)  # within its target
     for target in np.unique(rows["target"]):
         of_target = np.flatnonzero(rows["target"] == target)

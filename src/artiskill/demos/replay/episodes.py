@@ -1,6 +1,6 @@
 """One trajectory once more, seen with other eyes: simulated from its level, or its states put in place."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from artiskill.assets.articulated_object import ArticulatedObject
@@ -85,25 +85,45 @@ def simulate(
     player.begin(env)
     writer.observe(observation)
     disturbed, done, fault = trajectory.disturbed, False, ""
+    is_exact = is_same and _digest(env) == trajectory.recording.digests[0]
     try:
         while not done and (action := player.act(env)) is not None:
             observation, reward, terminated, truncated, info = env.step(action)
             done, step = terminated or truncated, len(writer)
             is_disturbed = step < len(disturbed) and disturbed[step]  # a retargeted one may take longer
-            writer.step(action, is_disturbed, reward, done, info["success"])
+            writer.step(action, is_disturbed, reward, info["success"])
             writer.observe(observation)
+            is_exact = is_exact and _is_as_recorded(env, trajectory, step, reward, info["flags"])
     except DivergedError as error:
         fault = str(error)
     steps = len(writer)
-    is_exact = is_same and not fault and steps == len(trajectory)
     return Outcome(
         source=number,
-        success=bool(info["success"]) and not fault,
-        exact=is_exact and digest_of(env.save_state().simulation) == int(trajectory.recording.digests[-1]),
+        success=bool(info["success"]),  # which ends an episode: one that diverges has not come to it
+        exact=is_exact and steps == len(trajectory),
         steps=steps,
         clipped=0 if isinstance(player, Replay) else player.clipped,
         fault=fault,
     )
+
+
+def _is_as_recorded(
+    env: ManipulationEnv, trajectory: Trajectory, step: int, reward: float, flags: Mapping[str, bool]
+) -> bool:
+    """Whether a step led to the recorded state, reward and flags, bit for bit."""
+    if step >= len(trajectory):
+        return False
+    recording = trajectory.recording
+    return (
+        _digest(env) == recording.digests[step + 1]
+        and reward == recording.rewards[step]
+        and list(flags.values()) == recording.flags[step].tolist()
+    )
+
+
+def _digest(env: ManipulationEnv) -> int:
+    """Of its present state."""
+    return digest_of(env.save_state().simulation)
 
 
 def restore(
@@ -138,7 +158,7 @@ def restore(
             state = replace(state, simulation=simulation, elapsed=step)
         observation, _ = env.restore_state(state)
         k = step - 1
-        writer.step(action, recording.disturbed[k], recording.rewards[k], step == steps, solved[k])
+        writer.step(action, recording.disturbed[k], recording.rewards[k], solved[k])
         writer.observe(observation)
     is_exact = source.mode == env.control.mode and len(exact) == steps + 1
     return Outcome(number, trajectory.success, is_exact, steps, clipped)

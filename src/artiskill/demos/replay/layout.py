@@ -57,7 +57,6 @@ class TrajectoryWriter:
         self._actions: list[np.ndarray] = []
         self._disturbed: list[bool] = []
         self._rewards: list[float] = []
-        self._dones: list[bool] = []
         self._successes: list[bool] = []
 
     def observe(self, observation: Any) -> None:
@@ -65,23 +64,25 @@ class TrajectoryWriter:
         for path, frames in self._leaves.items():
             frames.add(leaf_of(observation, path))
 
-    def step(self, action: np.ndarray, disturbed: bool, reward: float, done: bool, success: bool) -> None:
+    def step(self, action: np.ndarray, disturbed: bool, reward: float, success: bool) -> None:
         """A step; its observation follows."""
         self._actions.append(np.asarray(action, dtype=np.float32))
         self._disturbed.append(bool(disturbed))
         self._rewards.append(float(reward))
-        self._dones.append(bool(done))
         self._successes.append(bool(success))
 
     def close(self, size: int, **about: Any) -> None:
-        """Write the rest; `size` numbers are in an action, `about` become attributes."""
+        """Write the rest; `size` numbers are in an action, `about` become attributes.
+
+        The last step ends the episode, also where there were no more actions.
+        """
         for frames in self._leaves.values():
             frames.flush()
         level = self._compression
         write_compressed(self._group, "actions", np.array(self._actions, np.float32).reshape(-1, size), level)
         write_compressed(self._group, "disturbed", np.array(self._disturbed, np.bool_), level)
         write_compressed(self._group, "rewards", np.array(self._rewards, np.float64), level)
-        write_compressed(self._group, "dones", np.array(self._dones, np.bool_), level)
+        write_compressed(self._group, "dones", np.arange(len(self)) == len(self) - 1, level)
         write_compressed(self._group, "success", np.array(self._successes, np.bool_), level)
         self._group.attrs.update(about)
 

@@ -4,6 +4,8 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from artiskill.config import to_mapping
 from artiskill.demos.hdf5 import new_large_file, open_file
 from artiskill.demos.manifest import FileEntry, sha256_of
@@ -11,6 +13,7 @@ from artiskill.demos.replay.blocks import OUTCOMES, SOURCE, Block, outcome_table
 from artiskill.demos.replay.episodes import Outcome, OutcomeCounts
 from artiskill.demos.replay.manifest import FORMAT, SCHEMA_VERSION, TrainingEntry
 from artiskill.demos.replay.settings import ReplaySettings
+from artiskill.sensors.panorama import Panorama
 
 
 def merge(
@@ -51,6 +54,7 @@ def merge(
                 SOURCE: source.sha256,
                 "settings": json.dumps(to_mapping(settings)),
             }
+            | _camera_matrices(settings)
         )
     return TrainingEntry(
         object=source.object,
@@ -63,3 +67,12 @@ def merge(
         frames=frames,
         counts=OutcomeCounts.of(outcomes),
     )
+
+
+def _camera_matrices(settings: ReplaySettings) -> dict[str, np.ndarray]:
+    """What it takes to project with images, the same in every frame: docs/observations.md."""
+    if settings.obs_mode != "rgbd":
+        return {}
+    panorama = Panorama(settings.make_task().cameras)
+    found = panorama.parameters(panorama.rays(0.0, 0.0, 0.0))
+    return {name: found[name] for name in ("intrinsics", "robot_to_camera")}

@@ -167,7 +167,7 @@ class Replaying:
         with DemoFile(self._demos.folder / name) as file:
             file.check_settings(self._settings.source)
             size = self._block_size(file.load_object(given))
-            numbers = choose(file, self._settings.count)
+            numbers = choose(file, self._settings.count, self._settings.keep_failures)
             object_name = str(file.header.facts["name"])
         parts = self._folder / UNFINISHED / entry.object
         try:

@@ -21,6 +21,7 @@ SIMULATE, RESTORE = "simulate", "restore"
 WAYS: tuple[str, ...] = (SIMULATE, RESTORE)
 # parts of a task's configuration that change what is seen, and nothing of what happens
 _SEEN = ("cameras.", "render.")
+_MOST_NAMED = 3  # differences
 
 
 @dataclass(frozen=True)
@@ -129,8 +130,12 @@ class ReplaySettings:
         return env
 
     def differences(self, other: "ReplaySettings") -> str:
-        """What is not the same in another one's, as text; empty if all is."""
-        return "; ".join(differing(to_mapping(self), to_mapping(other)))
+        """What is not the same in another one's, as text: the task, or the first things; empty if all is."""
+        if self.source.task != other.source.task:
+            return f"task {self.source.task} there, {other.source.task} here"
+        found = differing(to_mapping(self), to_mapping(other))
+        more = [f"and {len(found) - _MOST_NAMED} more"] if len(found) > _MOST_NAMED else []
+        return "; ".join(found[:_MOST_NAMED] + more)
 
 
 def make_sampling(
@@ -140,9 +145,10 @@ def make_sampling(
 
     Raises:
         UnknownNameError: no such method or frame.
-        ConfigError: an illegal number or setting, or a frame for the full cloud.
+        ConfigError: an illegal number or setting, or a method or frame for the full cloud.
     """
     if points is not None:
         return Sampling(points, method, frame, dict(settings or {}))
+    check(method == "maniskill", f"the full cloud has every point; method {method!r} is for fewer points")
     check(frame == "world", f"the full cloud is in the world's frame; {frame!r} is for fewer points")
     return None

@@ -11,9 +11,11 @@ import numpy as np
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import list_objects, load_object
 from artiskill.config import from_mapping
+from artiskill.demos.arrays import Form, check_finite, check_forms
 from artiskill.demos.hdf5 import reading
 from artiskill.demos.header import check_format
 from artiskill.demos.open_file import TRAJECTORY, OpenFile
+from artiskill.demos.replay.layout import STATE, leaf_spaces
 from artiskill.demos.replay.manifest import (
     FORMAT,
     SCHEMA_VERSION,
@@ -23,7 +25,8 @@ from artiskill.demos.replay.manifest import (
     read_training_manifest,
 )
 from artiskill.demos.replay.settings import ReplaySettings
-from artiskill.errors import ArtiSkillError, DemoError
+from artiskill.errors import ArtiSkillError, DemoError, UnknownNameError
+from artiskill.tasks.levels import check_level
 
 
 class TrainingFile(OpenFile):
@@ -58,13 +61,60 @@ class TrainingFile(OpenFile):
 
         Raises:
             IndexError: there are not so many trajectories.
-            DemoError: there is no such array, or it is damaged.
+            TypeError: no whole number.
+            UnknownNameError: there is no such array.
+            DemoError: it is damaged, or the file has been closed.
         """
-        if not 0 <= i < len(self):
-            raise IndexError(f"{str(self.path)!r} has the trajectories 0 to {len(self) - 1}, not {i}")
+        i = self.checked(i)
+        with reading(self.path, f"trajectory {i}"):
+            names = _array_names(self.groups[i])
+        if path not in names:
+            raise UnknownNameError("array", path, names, f"(of {str(self.path)!r})")
         with reading(self.path, f"{path} of trajectory {i}"):
             found: np.ndarray = self.groups[i][path][()]
             return found
+
+    def check(self, spaces: tuple[Any, Any]) -> None:
+        """See whether all trajectories have what training files have, in shape and type, and fit the spaces.
+
+        Args:
+            spaces: of observations and of actions.
+
+        Raises:
+            DemoError: one does not, or numbers that are not finite are in it.
+        """
+        for i, group in enumerate(self.groups):
+            with reading(self.path, f"trajectory {i}"):
+                _check_trajectory(group, spaces)
+
+
+def _array_names(group: Any, prefix: str = "") -> list[str]:
+    """Paths of all arrays in a group and those below."""
+    found: list[str] = []
+    for name, item in group.items():
+        below = hasattr(item, "items")
+        found += _array_names(item, f"{prefix}{name}/") if below else [prefix + name]
+    return found
+
+
+def _check_trajectory(group: Any, spaces: tuple[Any, Any]) -> None:
+    steps = len(group["actions"])
+    if not steps:
+        raise ValueError("it has no steps")
+    wanted: dict[str, Form] = {
+        "actions": ((steps, *spaces[1].shape), np.float32),
+        "disturbed": ((steps,), np.bool_),
+        "rewards": ((steps,), np.float64),
+        "dones": ((steps,), np.bool_),
+        "success": ((steps,), np.bool_),
+    }
+    leaves = leaf_spaces(spaces[0])
+    wanted |= {f"obs/{path}": ((steps + 1, *leaf.shape), leaf.dtype) for path, leaf in leaves.items()}
+    check_forms(group, wanted)
+    check_finite({name: group[name][()] for name in ("actions", "rewards", f"obs/{STATE}")})
+    check_level(group.attrs["level"])
+    if not isinstance(group.attrs["target"], str):
+        raise ValueError(f"its target is {group.attrs['target']!r}")
 
 
 class TrainingFiles:
@@ -104,7 +154,7 @@ class TrainingFiles:
         """All files, one after the other; each is closed before the next is opened.
 
         Args:
-            check: compare each with the manifest's checksum before it is opened.
+            check: compare each with the manifest's checksum, and its arrays with what they should be.
 
         Raises:
             DemoError: one is damaged, or differs from its checksum.
@@ -113,6 +163,8 @@ class TrainingFiles:
             if check:
                 check_training_file(self.folder, name, entry)
             with TrainingFile(self.folder / name) as file:
+                if check:
+                    file.check(self.spaces)
                 yield file
 
     @cached_property
