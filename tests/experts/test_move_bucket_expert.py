@@ -10,10 +10,9 @@ from artiskill.config import CONFIG_DIR, load_config
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.experts.move_bucket import MoveBucketExpert, Phase
 from artiskill.experts.move_bucket_config import MoveBucketExpertConfig
-from artiskill.experts.move_bucket_press import choose_press
-from artiskill.experts.two_arms import TwoArmController
+from artiskill.experts.move_bucket_press import PressConfig, choose_press
 from artiskill.experts.variation import load_variation, varied
-from artiskill.experts.whole_body import WholeBodyConfig
+from artiskill.experts.whole_body import WholeBodyConfig, WholeBodyController
 from artiskill.tasks.move_bucket.goal import make_bucket_goal
 
 
@@ -30,18 +29,18 @@ def env() -> ManipulationEnv:
 
 
 def test_both_hands_follow_their_own_twists(env: ManipulationEnv) -> None:
-    controller = TwoArmController(env.task.robot, WholeBodyConfig())
+    controller = WholeBodyController(env.task.robot, WholeBodyConfig(), arms=2)
     before = env.snapshot.tool_position_w[0]
     twists = np.array(((0.05, -0.05, 0.08, 0, 0, 0), (-0.03, 0.06, 0.02, 0, 0, 0)))
     for _ in range(20):
         qvel = controller.joint_velocities(env.snapshot, twists, np.zeros(controller.num_joints))
-        env.step(controller.to_action(env.snapshot, qvel, np.full(2, 0.02)))
+        env.step(controller.to_action(env.snapshot, qvel, np.full((2, 2), 0.02)))
     np.testing.assert_allclose(env.snapshot.tool_position_w[0] - before, twists[:, :3], atol=0.02)
 
 
 def test_jacobian_is_the_derivative(env: ManipulationEnv) -> None:
     """Against finite differences of the engine's own kinematics."""
-    controller = TwoArmController(env.task.robot, WholeBodyConfig())
+    controller = WholeBodyController(env.task.robot, WholeBodyConfig(), arms=2)
     simulation = env._simulation
     assert simulation is not None
     jacobian, h = controller.jacobian(env.snapshot), 1e-6
@@ -113,7 +112,7 @@ def test_every_draw_of_its_variation_is_legal(config: MoveBucketExpertConfig) ->
 
 
 def test_pushing_velocities_leave_the_trunk_alone(env: ManipulationEnv) -> None:
-    controller = TwoArmController(env.task.robot, WholeBodyConfig())
+    controller = WholeBodyController(env.task.robot, WholeBodyConfig(), arms=2)
     forces = np.array(((0.0, 30.0, 0.0), (0.0, -30.0, 0.0)))
     push = controller.pushing_velocities(env.snapshot, forces)
     assert (push[:4] == 0).all()
@@ -196,3 +195,82 @@ def test_hands_level_a_bucket_that_has_tilted(env: ManipulationEnv, config: Move
         return float(np.arccos(min(1.0, env.snapshot.link_rotation_w[0, 0, 2, 2])))
 
     assert tilt_at_end(1.0) < 0.7 * tilt_at_end(0.0)
+
+
+def with_hands(
+    expert: MoveBucketExpert, env: ManipulationEnv, gap_m: float, aside_m: float, phase: Phase
+) -> Phase:
+    """The phase that follows, with fingertips so far from the wall and hands so far beside their line."""
+    expert.reset(env.snapshot, env.goal)
+    expert.phase, expert._axis = phase, expert._hand_axis(env.snapshot)
+    aside = np.array((0.0, 0.0, aside_m))
+    places = [expert._frame(env.snapshot, arm, gap_m).position + aside for arm in range(2)]
+    tools = np.array(places)[None]
+    expert._advance_phase(dataclasses.replace(env.snapshot, tool_position_w=tools), env.goal)
+    return expert.phase
+
+
+@pytest.mark.parametrize(
+    ("gap_m", "aside_m", "phase", "after"),
+    [
+        (0.0, 0.0, Phase.CLOSE, Phase.CLOSE),
+        (0.08, 0.0, Phase.CLOSE, Phase.CLOSE),
+        (0.0, 0.1, Phase.CLOSE, Phase.APPROACH),
+        (0.2, 0.0, Phase.CLOSE, Phase.APPROACH),
+        (0.0, 0.0, Phase.CARRY, Phase.CARRY),
+        (0.08, 0.0, Phase.CARRY, Phase.APPROACH),  # hands that press are never so far from the wall
+        (0.0, 0.1, Phase.CARRY, Phase.APPROACH),
+    ],
+)
+def test_a_lost_bucket_is_taken_again(
+    env: ManipulationEnv, gap_m: float, aside_m: float, phase: Phase, after: Phase
+) -> None:
+    assert with_hands(MoveBucketExpert(env.task.robot), env, gap_m, aside_m, phase) is after
+
+
+def test_only_steps_in_a_row_count_as_pressing(env: ManipulationEnv) -> None:
+    expert = MoveBucketExpert(env.task.robot)
+    expert.reset(env.snapshot, env.goal)
+    expert.phase = Phase.CLOSE
+    pressing = []
+    for gap_m in (0.0, 0.0, 0.03, 0.0):
+        tools = np.array([expert._frame(env.snapshot, arm, gap_m).position for arm in range(2)])[None]
+        expert._advance_phase(dataclasses.replace(env.snapshot, tool_position_w=tools), env.goal)
+        pressing.append(expert._pressing())
+    assert pressing[1] > pressing[0] > 0 == pressing[2]
+    assert pressing[3] == pressing[0]
+
+
+def test_hands_keep_off_the_bail(config: MoveBucketExpertConfig) -> None:
+    """The bail of this bucket hangs where it would be pressed else."""
+    env, press = ManipulationEnv("MoveBucket", objects="bucket-0033"), config.press
+    env.reset(seed=1)
+
+    def missing_m(config: PressConfig) -> float:
+        """How much too near the bail is to one of the hands, in height."""
+        chosen, goal, now = choose_press(env.snapshot, env.goal, config), env.goal, env.snapshot
+        link = goal.point_link[0]
+        moving = np.flatnonzero(link > 0)
+        world = np.einsum("nij,nj->ni", now.link_rotation_w[0, link[moving]], goal.points[0, moving])
+        world += now.link_position_w[0, link[moving]] - now.link_position_w[0, 0]
+        points = world @ now.link_rotation_w[0, 0]
+        left = np.array((np.cos(chosen.direction_rad), np.sin(chosen.direction_rad)))
+        found = 0.0
+        for side, reach in zip((-1, 1), chosen.reach_m, strict=True):
+            along, across = points[:, :2] @ (side * left), points[:, :2] @ (-left[1], left[0])
+            before = (along > reach - 0.01) & (np.abs(across) < press.bail_band_m)
+            gap = np.abs(points[before, 2] - chosen.height_m).min(initial=np.inf)
+            found = max(found, press.bail_clearance_m - gap)
+        return found
+
+    assert missing_m(dataclasses.replace(press, bail_weight=0.0)) > 0.01
+    assert missing_m(press) < 0.001
+
+
+def test_a_gap_between_two_staves_does_not_matter(env: ManipulationEnv, config: MoveBucketExpertConfig) -> None:
+    whole = choose_press(env.snapshot, env.goal, config.press)
+    outline = env.goal.outline.copy()
+    outline[:, :, 4::9] = 0.0
+    press = choose_press(env.snapshot, dataclasses.replace(env.goal, outline=outline), config.press)
+    np.testing.assert_allclose(press.outline_m, whole.outline_m, atol=0.005)
+    assert press.height_m == whole.height_m

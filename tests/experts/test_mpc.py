@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.errors import ConfigError
+from artiskill.errors import ConfigError, DivergedError
 from artiskill.experts.mpc import Planner, coloured_noise, load_mpc_config
 from artiskill.experts.solve import solve_level
+from artiskill.sim.states import SimulationState
 
 SMALL = {"samples": 12, "elites": 4, "iterations": 2, "horizon_steps": 5, "kept_elites": 2}
 TASK, OBJECT = "OpenCabinetDrawer", "cabinet-0003"
@@ -61,12 +62,86 @@ def test_actions_come_from_one_plan_until_it_is_used_up() -> None:
     np.testing.assert_array_equal([acting.act(state) for _ in range(3)], plan[:3])
 
 
+class Watched:
+    """A planner of an episode's first state, and what its iterations have tried."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, **changes: Any) -> None:
+        self.env = ManipulationEnv(TASK, objects=OBJECT)
+        self.env.reset(seed=0)
+        self.state = self.env.save_state().simulation
+        self.planner = planner(self.env, **changes)
+        self.tried: list[np.ndarray] = []
+        self.values: list[np.ndarray] = []
+        value_of = self.planner._values
+
+        def watch(state: SimulationState, candidates: np.ndarray) -> np.ndarray:
+            self.tried.append(candidates.copy())
+            self.values.append(value_of(state, candidates))
+            return self.values[-1]
+
+        monkeypatch.setattr(self.planner, "_values", watch)
+
+    def best(self, iteration: int, count: int) -> np.ndarray:
+        """The best candidates of an iteration, in order."""
+        order = np.argsort(-self.values[iteration], kind="stable")
+        return self.tried[iteration][order[:count]]
+
+
+def test_each_iteration_tries_the_best_of_the_last_one_again_and_the_last_one_the_mean(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seen = Watched(monkeypatch)
+    seen.planner.plan(seen.state)
+    np.testing.assert_array_equal(seen.tried[1][:2], seen.best(0, 2))
+    mean = (1 - seen.planner._config.momentum) * seen.best(0, 4).mean(axis=0)  # the first one's mean was zero
+    np.testing.assert_allclose(seen.tried[1][-1], mean, atol=1e-15)
+    assert not np.allclose(seen.tried[0][-1], 0.0)
+
+
+def test_the_next_plan_goes_on_from_the_last_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    narrow = {"start_std": 1e-9, "least_std": 1e-9, "act_steps": 2}
+    seen = Watched(monkeypatch, **narrow)
+    slope = np.linspace(-0.5, 0.5, 5)[:, None] * np.ones(13)
+    seen.planner._mean = slope
+    for _ in range(3):  # the third action is of the second plan
+        seen.planner.act(seen.state)
+    shifted = slope[[2, 3, 4, 4, 4]]
+    np.testing.assert_allclose(seen.tried[2], np.broadcast_to(shifted, (12, 5, 13)), atol=1e-6)
+    np.testing.assert_array_equal(seen.tried[2][:2], seen.best(1, 2)[:, [2, 3, 4, 4, 4]])
+
+
+def test_later_rewards_count_less(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = Watched(monkeypatch, discount=0.5)
+    monkeypatch.setattr(seen.planner, "_reward", lambda snapshot: np.ones(12))
+    seen.planner.plan(seen.state)
+    np.testing.assert_array_equal(seen.values[0], np.full(12, 1 + 1 / 2 + 1 / 4 + 1 / 8 + 1 / 16))
+
+
+def test_candidates_that_diverge_are_the_worst(monkeypatch: pytest.MonkeyPatch) -> None:
+    calm, wild = Watched(monkeypatch), Watched(monkeypatch)
+    step = wild.planner._simulation.step
+
+    def diverge(targets: np.ndarray) -> None:
+        step(targets)
+        raise DivergedError({3: (OBJECT, ["BADQACC"]), 7: (OBJECT, ["BADQACC"])})
+
+    monkeypatch.setattr(wild.planner._simulation, "step", diverge)
+    for one in (calm, wild):
+        one.planner.plan(one.state)
+    assert np.flatnonzero(np.isneginf(wild.values[0])).tolist() == [3, 7]
+    others = np.delete(np.arange(12), [3, 7])
+    np.testing.assert_array_equal(wild.values[0][others], calm.values[0][others])
+    assert np.isfinite(wild.tried[1]).all()
+
+
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
         ({"elites": 13}, "elites"),
         ({"act_steps": 6}, "act_steps"),
         ({"momentum": 1.0}, "momentum"),
+        ({"noise_exponent": float("nan")}, r"noise_exponent must lie in \[0, 10\], not nan"),
+        ({"noise_exponent": 1000}, r"noise_exponent must lie in \[0, 10\], not 1000"),
         ({"sampels": 3}, "samples"),
     ],
 )

@@ -9,10 +9,12 @@ import pytest
 from artiskill.assets.catalog import list_objects
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.experts.door import door_of
-from artiskill.experts.frames import Frame
+from artiskill.experts.frames import Frame, rotation_error
 from artiskill.experts.grasp import usual_grasp
 from artiskill.experts.open_cabinet import OpenCabinetExpert, Phase
 from artiskill.experts.whole_body import WholeBodyConfig, WholeBodyController, bounded_least_squares
+from artiskill.robots.arm_config import load_arm
+from artiskill.sim.snapshot import Snapshot
 
 
 @pytest.fixture
@@ -27,8 +29,8 @@ def test_the_hand_follows_a_twist(env: ManipulationEnv) -> None:
     before = env.snapshot.tool_position_w[0, 0]
     twist = np.array((0.1, -0.05, 0.08, 0, 0, 0))
     for _ in range(20):
-        qvel = controller.joint_velocities(env.snapshot, twist, np.zeros(controller.num_joints))
-        env.step(controller.to_action(env.snapshot, qvel, 0.02))
+        qvel = controller.joint_velocities(env.snapshot, twist[None], np.zeros(controller.num_joints))
+        env.step(controller.to_action(env.snapshot, qvel, np.full((1, 2), 0.02)))
     moved = env.snapshot.tool_position_w[0, 0] - before
     np.testing.assert_allclose(moved, twist[:3] * 1.0, atol=0.02)
 
@@ -38,7 +40,7 @@ def test_jacobian_is_the_derivative(env: ManipulationEnv) -> None:
     controller = WholeBodyController(env.task.robot, WholeBodyConfig())
     simulation = env._simulation
     assert simulation is not None
-    jacobian, h = controller._jacobian(env.snapshot), 1e-6
+    jacobian, h = controller.jacobian(env.snapshot), 1e-6
     saved = simulation.save()
     for joint in range(controller.num_joints):
         ends = []
@@ -218,3 +220,97 @@ def test_another_try_is_the_usual_one(env: ManipulationEnv) -> None:
     assert np.abs(before.rotation - after.rotation).max() > 0.1
     expert.reset(env.snapshot, env.goal)
     np.testing.assert_array_equal(expert._look(env.snapshot, env.goal).grasp.rotation, before.rotation)
+
+
+def test_a_hand_that_goes_around_is_turned_about_where_that_spares_its_last_joint() -> None:
+    env = ManipulationEnv("OpenCabinetDoor", objects="cabinet-0006")
+    env.reset(seed=0)
+    simulation, last = env._simulation, 10
+    flipped = set()
+    for angle in (-2.4, -1.6, -0.8, 0.0, 0.8, 1.6, 2.4):
+        simulation._qpos[0, last] = angle
+        simulation._batch.forward()
+        snapshot = simulation.snapshot()
+        expert = OpenCabinetExpert(env.task.robot)
+        expert.reset(snapshot, env.goal)
+        now = expert._look(snapshot, env.goal)
+        expert._enter(Phase.AROUND, now)
+        relative = now.tool.rotation.T @ expert._pushing_hand(now.door)
+        roll = np.arctan2(relative[1, 0], relative[0, 0])
+        assert abs(angle + roll) <= abs(angle + roll - np.copysign(np.pi, roll)) + 1e-9
+        assert abs(angle + roll) < 2.6, "far from its limits"
+        flipped.add(expert._flipped)
+    assert flipped == {False, True}
+
+
+def opened(env: ManipulationEnv, value: float) -> Snapshot:
+    """As it is when the target's joint is there."""
+    simulation = env._simulation
+    simulation._qpos[0, simulation.scene.index.object_qpos][int(env.goal.joint[0])] = value
+    simulation._batch.forward()
+    return simulation.snapshot()
+
+
+def test_a_grip_turns_against_the_door_only_for_what_it_turned_since() -> None:
+    """A door that was gripped half open: at first the hand does not turn in its grip at all."""
+    env = ManipulationEnv("OpenCabinetDoor", objects="cabinet-0006")
+    env.reset(seed=0)
+    expert = OpenCabinetExpert(env.task.robot)
+    expert.reset(env.snapshot, env.goal)
+
+    def turned_rad(angle: float) -> float:
+        look = expert._look(opened(env, angle), env.goal)
+        now = dataclasses.replace(look, tool=look.grasp)
+        if expert.phase is not Phase.PULL:
+            expert._enter(Phase.GRIP, now)
+            expert.phase = Phase.PULL
+        return float(np.linalg.norm(rotation_error(now.grasp.rotation, expert._motion(now).wanted.rotation)))
+
+    assert turned_rad(0.3) == pytest.approx(0.0, abs=1e-6)
+    assert turned_rad(0.35) == pytest.approx(0.05 * (1 - expert.config.door.follow), abs=1e-3)
+
+
+def test_what_is_open_is_held_by_a_robot_that_stands_still(env: ManipulationEnv) -> None:
+    expert = OpenCabinetExpert(env.task.robot)
+    expert.reset(env.snapshot, env.goal)
+    snapshot = opened(env, float(env.goal.upper[0]))
+    expert._enter(Phase.HOLD, expert._look(snapshot, env.goal))
+    action = expert.act(snapshot, env.goal)
+    assert expert.phase is Phase.HOLD
+    np.testing.assert_allclose(action[:11], 0.0, atol=1e-9)
+
+
+def test_a_quick_hand_still_waits_until_it_may_close_where_it_is(env: ManipulationEnv) -> None:
+    usual = OpenCabinetExpert(env.task.robot).config
+    manner = dataclasses.replace(usual.grasp, lean_along_rad=0.1)
+    expert = OpenCabinetExpert(env.task.robot, dataclasses.replace(usual, grasp=manner, reach_speed_m_s=2.0))
+    expert.reset(env.snapshot, env.goal)
+    assert expert._patience(expert._look(env.snapshot, env.goal)) > usual.grip.blocked_steps
+
+
+@pytest.mark.parametrize(("task", "arms"), [("OpenCabinetDrawer", 1), ("PushChair", 2)])
+@pytest.mark.parametrize("side", [0, 1])
+def test_joints_stop_at_their_limits(task: str, arms: int, side: int) -> None:
+    env = ManipulationEnv(task)
+    env.reset(seed=0)
+    controller = WholeBodyController(env.task.robot, WholeBodyConfig(), arms)
+    limits = np.array([joint.range_rad for joint in load_arm(env.task.robot.arm).joints] * arms)
+    qpos = env.snapshot.robot_qpos.copy()
+    qpos[0, controller.columns[4:]] = limits[:, side] + (0.05, -0.05)[side]
+    snapshot, rng = dataclasses.replace(env.snapshot, robot_qpos=qpos), np.random.default_rng(0)
+    moved = np.zeros(len(limits), dtype=bool)
+    for _ in range(20):
+        qvel = controller.joint_velocities(
+            snapshot, rng.normal(size=(arms, 6)) * 3, np.zeros(controller.num_joints)
+        )
+        after = controller.qpos(snapshot)[4:] + qvel[4:] * snapshot.step_s
+        assert (after >= limits[:, 0]).all()
+        assert (after <= limits[:, 1]).all()
+        moved |= np.abs(qvel[4:]) > 0.1
+    assert moved.all()
+
+
+def test_what_is_free_makes_up_for_what_is_at_its_bound() -> None:
+    matrix, target = np.array(((1.0, 1.0), (0.1, 0.0), (0.0, 0.1))), np.array((2.0, 0.0, 0.0))
+    x = bounded_least_squares(matrix, target, np.array((-1.0, -5.0)), np.array((0.2, 5.0)))
+    np.testing.assert_allclose(x, (0.2, 1.8 / 1.01), atol=1e-9)

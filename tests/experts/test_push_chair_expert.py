@@ -11,8 +11,9 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError
 from artiskill.experts.push_chair import Phase, PushChairExpert
 from artiskill.experts.push_chair_config import PushChairExpertConfig
-from artiskill.experts.push_chair_plan import LEFT, RIGHT, make_plan
+from artiskill.experts.push_chair_plan import LEFT, RIGHT, make_plan, steered
 from artiskill.experts.variation import load_variation, varied
+from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.push_chair.posts import grip_places
 
 SWIVEL, SLED, CANTILEVER = "chair-0001", "chair-0039", "chair-0037"
@@ -97,7 +98,7 @@ def test_a_bias_leads_it_to_other_sides(env: ManipulationEnv, config: PushChairE
 
 def test_the_height_of_the_grip_goes_from_end_to_end(env: ManipulationEnv, config: PushChairExpertConfig) -> None:
     def height(share: float) -> float:
-        plan = make_plan(env.snapshot, env.goal, dataclasses.replace(config, grip_height=share))
+        plan = make_plan(env.snapshot, env.goal, dataclasses.replace(config, grip_height_share=share))
         return float(plan.points[RIGHT, 2])
 
     lowest, highest = env.goal.grip_ends[0, 0, :, 2]
@@ -107,7 +108,7 @@ def test_the_height_of_the_grip_goes_from_end_to_end(env: ManipulationEnv, confi
     assert lowest < height(-0.5) < height(0.0) < height(0.5) < highest
 
 
-@pytest.mark.parametrize(("key", "value"), [("grip_height", 1.1), ("base_speed_share", 0), ("stop_m", 0.2)])
+@pytest.mark.parametrize(("key", "value"), [("grip_height_share", 1.1), ("base_speed_share", 0), ("stop_m", 0.2)])
 def test_illegal_values_are_refused(config: PushChairExpertConfig, key: str, value: float) -> None:
     with pytest.raises(ConfigError, match=key):
         dataclasses.replace(config, **{key: value})
@@ -222,7 +223,7 @@ def test_it_gives_up_a_reach_in_vain_and_takes_the_usual_hold(
     env: ManipulationEnv, config: PushChairExpertConfig
 ) -> None:
     env.reset(options={"level": 1, "object": SWIVEL})
-    changed = dataclasses.replace(config, grip_height=-0.5, reach_steps=25)
+    changed = dataclasses.replace(config, grip_height_share=-0.5, reach_steps=25)
     expert = PushChairExpert(env.task.robot, changed)
     expert.reset(env.snapshot, env.goal)
     held = 0
@@ -237,3 +238,75 @@ def test_it_gives_up_a_reach_in_vain_and_takes_the_usual_hold(
     assert held == 25
     assert expert._plan is not None
     np.testing.assert_array_equal(expert._plan.points[RIGHT], env.goal.grip_points[0, 0])
+
+
+def test_it_drives_around_a_chair_and_not_through_it(env: ManipulationEnv, config: PushChairExpertConfig) -> None:
+    """From the far side, the base led from one place to the next."""
+    expert = PushChairExpert(env.task.robot)
+    expert.reset(env.snapshot, env.goal)
+    assert expert._plan is not None
+    aim = expert._aim(env.snapshot, expert._plan)
+    qpos = env.snapshot.robot_qpos.copy()
+    qpos[0, :2] = 2 * aim.center_xy - aim.base_xy
+    nearest, here = np.inf, qpos[0, :2].copy()
+    for _ in range(12):
+        there = expert._way_around(dataclasses.replace(env.snapshot, robot_qpos=qpos), aim)
+        way = here + np.linspace(0, 1, 20)[:, None] * (there - here)
+        nearest = min(nearest, np.linalg.norm(way - aim.center_xy, axis=1).min())
+        qpos[0, :2] = here = there
+    np.testing.assert_array_equal(here, aim.base_xy)
+    assert nearest > 0.9 * config.base_distance_m
+
+
+def chair_at(env: ManipulationEnv, x: float, y: float) -> Snapshot:
+    """As it is, but for the chair's place."""
+    position = env.snapshot.link_position_w.copy()
+    position[0, :, :2] += (x, y) - position[0, 0, :2]
+    return dataclasses.replace(env.snapshot, link_position_w=position)
+
+
+def test_a_chair_that_is_held_may_stir_a_little(env: ManipulationEnv, config: PushChairExpertConfig) -> None:
+    expert = PushChairExpert(env.task.robot)
+    expert.reset(env.snapshot, env.goal)
+    assert expert._plan is not None
+
+    def phase_at(distance_m: float) -> Phase:
+        snapshot = chair_at(env, distance_m, 0.0)
+        expert.phase = Phase.HOLD
+        expert._advance_phase(snapshot, expert._aim(snapshot, expert._plan), expert._plan)
+        return expert.phase
+
+    assert phase_at(0.5 * (config.stop_m + config.leave_m)) is Phase.HOLD
+    assert phase_at(1.1 * config.leave_m) is not Phase.HOLD
+
+
+def test_a_hand_that_pushes_alone_steers_towards_the_target(
+    env: ManipulationEnv, config: PushChairExpertConfig
+) -> None:
+    config = dataclasses.replace(config, steer_rad_s=0.15)
+    plan = make_plan(chair_at(env, 1.0, 0.0), env.goal, config)
+    (hand,) = plan.hands
+    snapshot, sides = chair_at(env, 1.0, 0.1), [plan.side_rad]
+    for _ in range(40):
+        plan = steered(plan, snapshot, config)
+        sides.append(plan.side_rad)
+    assert 0 < max(np.diff(sides)) <= 0.15 * snapshot.step_s + 1e-12
+    pointing = sides[-1] + (0.75 if hand == RIGHT else -0.75)
+    assert pointing == pytest.approx(np.arctan2(0.1, 1.0)), "straight to where it shall go"
+    assert steered(plan, chair_at(env, 0.0, 0.2), config) is plan, "so near, where it lies says little"
+
+
+def test_hands_take_sides_and_no_diagonals(env: ManipulationEnv, config: PushChairExpertConfig) -> None:
+    square = 0.2 * np.array(((1.0, 1, 1), (1, -1, 1), (-1, -1, 1), (-1, 1, 1)))
+    goal = dataclasses.replace(
+        env.goal,
+        grip_points=square[None],
+        grip_ends=np.repeat(square[None, :, None], 2, axis=2),
+        grip_count=np.array([4]),
+    )
+    sides = set()
+    for bias in np.linspace(-3, 3, 13):
+        plan = make_plan(env.snapshot, goal, dataclasses.replace(config, side_bias_rad=float(bias)))
+        assert np.linalg.norm(plan.points[0] - plan.points[1]) == pytest.approx(0.4)
+        sides.add(round(np.remainder(plan.side_rad, 2 * np.pi) / (np.pi / 2)) % 4)
+    assert sides == {0, 1, 2, 3}

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from artiskill.config import check_positive
+from artiskill.config import check_inside, check_not_negative, check_positive
 from artiskill.experts.door import Door
 from artiskill.experts.frames import Frame, Motion, axis_rotation, head_for, limited, rotation_error
 from artiskill.experts.grip import Phase
@@ -72,8 +72,13 @@ class DoorConfig:
     lead_rad: float
 
     def __post_init__(self) -> None:
-        check_positive(self, "ajar_rad", "rate_rad_s", "pull_rate_rad_s")
-        check_positive(self, "pull_speed_m_s", "push_speed_m_s", "around_m_s")
+        check_positive(
+            self, "ajar_rad", "rate_rad_s", "pull_rate_rad_s", "stop_gain_s", "heading_rad", "overlap_m"
+        )
+        check_positive(self, "pull_speed_m_s", "push_speed_m_s", "around_m_s", "correction_m_s", "release_m")
+        check_positive(self, "release_steps", "around_steps", "clearance_m", "behind_m", "stuck_rad")
+        check_not_negative(self, "pull_gain", "push_gain", "pivot_width_m", "lead_rad")
+        check_inside("follow", self.follow, (0, 1))
 
 
 def is_ajar(door: Door, config: DoorConfig) -> bool:

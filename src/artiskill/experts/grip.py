@@ -1,10 +1,11 @@
 """Taking hold of a handle: how to come near, and when the fingers may close."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import Enum
 
 import numpy as np
 
+from artiskill.config import check_positive
 from artiskill.experts.frames import Frame, axis_rotation, rotation_error
 
 _MAX_TILT_SINE = 0.7
@@ -39,6 +40,8 @@ class GripConfig:
             forward of it has met something above the handle.
         slip_m: distance to the grasp above which a grip counts as lost.
         grip_steps: environment steps that the fingers get to close.
+        close_speed_m_s: of each finger: those that shut at once shoot into a thin bar, and stick in it. At 0.1, so
+            5 mm a step, the servo still pushes with all its force.
         finger_clearance_m: opening beyond the handle's width, each finger.
         arm_reach_m: horizontal distance from the shoulder to the tool in the robot's rest posture.
     """
@@ -52,8 +55,12 @@ class GripConfig:
     patience_steps: int
     slip_m: float
     grip_steps: int
+    close_speed_m_s: float
     finger_clearance_m: float
     arm_reach_m: float
+
+    def __post_init__(self) -> None:
+        check_positive(self, *(field.name for field in fields(self)))
 
 
 def tilted(frame: Frame, share: float, rest_height_m: float, config: GripConfig) -> Frame:

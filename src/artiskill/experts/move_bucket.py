@@ -12,11 +12,12 @@ from artiskill.config import CONFIG_DIR, load_config
 from artiskill.experts.frames import Frame, axis_rotation, curved, limited, rotation_error
 from artiskill.experts.move_bucket_config import MoveBucketExpertConfig
 from artiskill.experts.move_bucket_press import Press, choose_press
-from artiskill.experts.two_arms import ARMS, TRUNK, TwoArmController
+from artiskill.experts.whole_body import TRUNK, WholeBodyController
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.move_bucket.goal import BucketGoal
 
+_ARMS = 2
 _UP = np.array((0.0, 0.0, 1.0))
 _MOST_PITCH_RAD = 0.5  # hands turn so far from level for the bucket's sake
 _SIDES = (-1.0, 1.0)  # the first arm is the right one; the hands' axis points from right to left
@@ -40,11 +41,11 @@ class MoveBucketExpert:
 
     def __init__(self, robot: RobotConfig, config: MoveBucketExpertConfig | None = None) -> None:
         self.config = config or load_config(MoveBucketExpertConfig, CONFIG_DIR / "experts" / "move_bucket.yaml")
-        self.controller = TwoArmController(robot, self.config.whole_body)
+        self.controller = WholeBodyController(robot, self.config.whole_body, _ARMS)
         right = np.array(self.config.arm_qpos_rad)
         self._arms_qpos = np.concatenate((right, _mirrored(right)))
         self.phase = Phase.APPROACH
-        self._press = Press(0.0, 0.0, np.zeros(ARMS), np.zeros(1))
+        self._press = Press(0.0, 0.0, np.zeros(_ARMS), np.zeros(1))
         self._touching_steps = 0
         self._velocity = np.zeros(3)  # of the carried bucket
         self._pitch_rad = 0.0  # of the carrying hands
@@ -60,7 +61,7 @@ class MoveBucketExpert:
         twists = self._carry_twists(snapshot) if self.phase is Phase.CARRY else self._reach_twists(snapshot)
         qvel = self.controller.joint_velocities(snapshot, twists, self._posture_velocity(snapshot))
         qvel = qvel + self.controller.pushing_velocities(snapshot, self._forces(snapshot))
-        return self.controller.to_action(snapshot, qvel, np.full(ARMS, self.config.finger_position_m))
+        return self.controller.to_action(snapshot, qvel, np.full((_ARMS, 2), self.config.finger_position_m))
 
     # -- deciding ------------------------------------------------------------------------------------------------
 
@@ -72,14 +73,15 @@ class MoveBucketExpert:
     def _advance_phase(self, snapshot: Snapshot, goal: BucketGoal) -> None:
         gaps, aside = self._gaps(snapshot)
         if self.phase is Phase.APPROACH:
-            frames = [self._frame(snapshot, arm, self.config.standoff_m) for arm in range(ARMS)]
+            frames = [self._frame(snapshot, arm, self.config.standoff_m) for arm in range(_ARMS)]
             if all(self._is_aligned(snapshot, arm, frame) for arm, frame in enumerate(frames)):
                 self.phase = Phase.CLOSE
             return
         if max(aside.max(), gaps.max() - self.config.standoff_m) > self.config.slip_m:
             self._start_over(snapshot, goal)
         elif self.phase is Phase.CLOSE:
-            self._touching_steps += int(gaps.max() < self.config.touching_m)
+            touching = gaps.max() < self.config.touching_m
+            self._touching_steps = self._touching_steps + 1 if touching else 0
             if self._touching_steps >= self.config.press_steps:
                 self.phase, self._axis = Phase.CARRY, self._hand_axis(snapshot)
         elif gaps.max() > self.config.slip_m:
@@ -151,7 +153,7 @@ class MoveBucketExpert:
         closing = self.phase is Phase.CLOSE
         gaps, _ = self._gaps(snapshot)
         twists = []
-        for arm in range(ARMS):
+        for arm in range(_ARMS):
             frame = self._frame(snapshot, arm, gaps[arm] if closing else config.standoff_m)
             linear = config.position_gain_s * (frame.position - snapshot.tool_position_w[0, arm])
             linear = limited(linear, config.approach_speed_m_s)
@@ -169,7 +171,7 @@ class MoveBucketExpert:
         middle = snapshot.tool_position_w[0].mean(axis=0)
         self._pitch_rad = self._next_pitch(snapshot)
         twists = []
-        for arm in range(ARMS):
+        for arm in range(_ARMS):
             frame = self._frame(snapshot, arm, 0.0)
             if self._pitch_rad:
                 frame = Frame(frame.position, axis_rotation(self._axis, self._pitch_rad) @ frame.rotation)

@@ -1,7 +1,9 @@
 """Values of the expert of MoveBucket; they stand in `configs/experts/move_bucket.yaml`."""
 
+import math
 from dataclasses import dataclass
 
+from artiskill.config import check_not_negative, check_positive, check_value, check_vector
 from artiskill.experts.move_bucket_press import PressConfig
 from artiskill.experts.whole_body import WholeBodyConfig
 
@@ -77,3 +79,15 @@ class MoveBucketExpertConfig:
     lift_below_hand_m: float
     press: PressConfig
     whole_body: WholeBodyConfig
+
+    def __post_init__(self) -> None:
+        check_positive(self, "standoff_m", "hold_distance_m", "rise_m", "clear_m", "slip_m", "touching_m")
+        check_positive(self, "position_gain_s", "rotation_gain_s", "posture_gain_s", "carry_gain_s")
+        check_positive(self, "approach_speed_m_s", "close_speed_m_s", "touch_speed_m_s", "turn_speed_rad_s")
+        check_positive(self, "lift_speed_m_s", "carry_speed_m_s", "carry_acceleration_m_s2", "press_n")
+        check_positive(self, "aligned_m", "aligned_rad", "ramp_steps", "press_steps")
+        check_not_negative(self, "inner_distance_m", "finger_position_m", "lift_below_hand_m")
+        check_not_negative(self, "yaw_share", "level_gain_s")
+        check_vector(self, "arm_qpos_rad", size=7)
+        for name in ("aside_m", "curve_rad_m"):
+            check_value(self, name, math.isfinite(getattr(self, name)), "must be finite")

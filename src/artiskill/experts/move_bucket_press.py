@@ -1,9 +1,11 @@
 """Where two hands press a bucket: at which height and from which two opposite sides."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from artiskill.config import check_inside, check_not_negative, check_positive
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.move_bucket.goal import BucketGoal
 from artiskill.tasks.move_bucket.outline import LEVELS
@@ -41,6 +43,15 @@ class PressConfig:
     height_weight: float
     bail_weight: float
     platform_side_rad: float
+
+    def __post_init__(self) -> None:
+        check_inside("side_bias_rad", self.side_bias_rad, (-math.pi, math.pi))
+        check_inside("share", self.share, (0, 1))
+        check_positive(self, "spread_m")
+        check_not_negative(self, "pad_to_tip_m", "least_height_m", "bail_clearance_m", "bail_band_m")
+        check_not_negative(
+            self, "turn_weight", "width_weight", "height_weight", "bail_weight", "platform_side_rad"
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from artiskill.config import CONFIG_DIR, load_config
+from artiskill.config import CONFIG_DIR, check_inside, check_positive, load_config
 from artiskill.experts import door_opening
 from artiskill.experts.door import Door, door_of
 from artiskill.experts.door_opening import DoorConfig
@@ -24,8 +24,9 @@ from artiskill.tasks.open_cabinet.goal import OpenGoal
 
 __all__ = ["OpenCabinetExpert", "OpenCabinetExpertConfig", "Phase"]
 
-_OPEN_HANDED = (Phase.APPROACH, Phase.REACH, Phase.RELEASE)
-_INTO_LIMIT = 0.01  # pulling aims so far beyond where it stops, m, lest it creeps there
+_OPEN_HANDED = (Phase.APPROACH, Phase.REACH)
+_GRIPPING = (Phase.PULL, Phase.HOLD)  # with all their force; in other phases fingers are on their way
+_INTO_LIMIT_M = 0.01  # pulling aims so far beyond where it stops, lest it creeps there
 _INTO_LIMIT_RAD = 0.03
 _HALF_TURN = np.diag((-1.0, -1.0, 1.0))  # of a hand about its own z axis
 _AJAR_RAD = 0.05  # a door that is less open when it is gripped counts as closed
@@ -66,6 +67,11 @@ class OpenCabinetExpertConfig:
     grip: GripConfig
     door: DoorConfig
     whole_body: WholeBodyConfig
+
+    def __post_init__(self) -> None:
+        check_positive(self, "position_gain_s", "rotation_gain_s", "posture_gain_s", "turn_speed_rad_s")
+        check_positive(self, "approach_speed_m_s", "reach_speed_m_s", "pull_speed_m_s")
+        check_inside("overshoot", self.overshoot, (0, 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,8 +136,8 @@ class OpenCabinetExpert:
             self._enter(phase, now)
         motion = self._motion(now)
         posture = self._posture_velocity(snapshot, motion.wanted)
-        qvel = self.controller.joint_velocities(snapshot, self._twist(now.tool, motion), posture)
-        return self.controller.to_action(snapshot, qvel, self._opening(goal))
+        qvel = self.controller.joint_velocities(snapshot, self._twist(now.tool, motion)[None], posture)
+        return self.controller.to_action(snapshot, qvel, self._fingers(now))
 
     def _look(self, snapshot: Snapshot, goal: OpenGoal) -> _Instant:
         goal = self._grasp.on(goal)
@@ -215,13 +221,17 @@ class OpenCabinetExpert:
         last = float(now.snapshot.robot_qpos[0, self._last_joint])
         return abs(last + roll - np.sign(roll) * np.pi) < abs(last + roll)
 
-    def _opening(self, goal: OpenGoal) -> float:
-        """Position of each finger."""
-        if self.phase not in _OPEN_HANDED:
-            return 0.0
+    def _fingers(self, now: _Instant) -> np.ndarray:
+        """(1, 2) positions that the fingers are asked for."""
+        grip = self.config.grip
+        if self.phase in _GRIPPING:
+            return np.zeros((1, 2))
         if self.phase is Phase.RELEASE:
-            return self._max_opening
-        return min(self._max_opening, float(goal.grasp_width_m[0]) / 2 + self.config.grip.finger_clearance_m)
+            return np.full((1, 2), self._max_opening)
+        if self.phase in _OPEN_HANDED:
+            wide = now.goal.grasp_width_m[0] / 2 + grip.finger_clearance_m
+            return np.full((1, 2), min(self._max_opening, wide))
+        return self.controller.closing_m(now.snapshot, grip.close_speed_m_s)
 
     # -- moving --------------------------------------------------------------------------------------------------
 
@@ -240,7 +250,7 @@ class OpenCabinetExpert:
     def _slide_motion(self, now: _Instant) -> Motion:
         """Pulling a drawer."""
         config = self.config
-        speed = np.clip(config.position_gain_s * (now.left + _INTO_LIMIT), 0.0, config.pull_speed_m_s)
+        speed = np.clip(config.position_gain_s * (now.left + _INTO_LIMIT_M), 0.0, config.pull_speed_m_s)
         axis = now.snapshot.link_rotation_w[0, int(now.goal.link[0])] @ now.goal.joint_axis[0]
         return Motion(Frame(now.grasp.position, now.tool.rotation), config.reach_speed_m_s, speed * axis)
 

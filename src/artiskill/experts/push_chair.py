@@ -15,11 +15,12 @@ from artiskill.experts.frames import Frame, curved, limited, rotation_error, yaw
 from artiskill.experts.push_chair_config import PushChairExpertConfig
 from artiskill.experts.push_chair_hands import back_to_world, hand_rotation, seen_from_base
 from artiskill.experts.push_chair_plan import RIGHT, GripPlan, make_plan, steered
-from artiskill.experts.two_arms import ARMS, TRUNK, TwoArmController
+from artiskill.experts.whole_body import TRUNK, WholeBodyController
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.push_chair.goal import PushGoal
 
+_ARMS = 2
 # What makes the left arm the right one's mirror image, but for the hand, which is turned by half a turn about its
 # own axis (the same for the fingers): the last joint is symmetric about pi / 4.
 _MIRROR = np.array((-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0))
@@ -65,7 +66,7 @@ class PushChairExpert:
 
     def __init__(self, robot: RobotConfig, config: PushChairExpertConfig | None = None) -> None:
         self.config = config or load_config(PushChairExpertConfig, CONFIG_DIR / "experts" / "push_chair.yaml")
-        self.controller = TwoArmController(robot, self.config.whole_body)
+        self.controller = WholeBodyController(robot, self.config.whole_body, _ARMS)
         right = np.asarray(self.config.arm_rad)
         self._arms = np.concatenate((right, _MIRROR * right - _HALF_TURN))
         self._open = float(2 * self.controller.scale.half_range[-1])
@@ -91,15 +92,22 @@ class PushChairExpert:
         if self._is_in_vain(snapshot, aim):
             aim = self._try_anew(snapshot, goal)
         trunk = self._trunk_velocity(snapshot, aim)
-        twists = np.stack([self._twist(snapshot, aim, hand, trunk) for hand in range(ARMS)])
+        twists = np.stack([self._twist(snapshot, aim, hand, trunk) for hand in range(_ARMS)])
         gain = self.config.arm_gain_s if len(self._hands) == 1 else self.config.pair_arm_gain_s
         if self.phase in (Phase.DRIVE, Phase.HOLD):
             gain = 0.0
         arms = gain * (self._arms - self.controller.qpos(snapshot)[TRUNK:])
         qvel = self.controller.joint_velocities(snapshot, twists, np.concatenate((trunk, arms)))
-        closed = self.phase in (Phase.GRIP, Phase.DRIVE, Phase.HOLD)
-        openings = [0.0 if closed and hand in self._plan.hands else self._open for hand in range(ARMS)]
-        return self.controller.to_action(snapshot, qvel, np.array(openings))
+        return self.controller.to_action(snapshot, qvel, self._fingers(snapshot))
+
+    def _fingers(self, snapshot: Snapshot) -> np.ndarray:
+        """(2, 2) positions that the fingers of both hands are asked for."""
+        fingers, hands = np.full((_ARMS, 2), self._open), list(self._hands)
+        if self.phase is Phase.GRIP:
+            fingers[hands] = self.controller.closing_m(snapshot, self.config.close_speed_m_s)[hands]
+        elif self.phase in (Phase.DRIVE, Phase.HOLD):
+            fingers[hands] = 0.0
+        return fingers
 
     def _is_in_vain(self, snapshot: Snapshot, aim: _Aim) -> bool:
         """Whether it has been reaching for long, or is back from where a hand strayed to."""
@@ -112,7 +120,7 @@ class PushChairExpert:
     def _try_anew(self, snapshot: Snapshot, goal: PushGoal) -> _Aim:
         """Something is in the way: begin again where it is now, with the usual hold of that side."""
         self.phase, self._steps_in_phase = Phase.CARRY, 0
-        self._plan = make_plan(snapshot, goal, replace(self.config, oblique_rad=0.0, grip_height=0.0))
+        self._plan = make_plan(snapshot, goal, replace(self.config, oblique_rad=0.0, grip_height_share=0.0))
         return self._aim(snapshot, self._plan)
 
     # -- deciding ------------------------------------------------------------------------------------------------
@@ -121,15 +129,15 @@ class PushChairExpert:
         rotation, position = snapshot.link_rotation_w[0, 0], snapshot.link_position_w[0, 0]
         points = position + plan.points @ rotation.T
         side = plan.side_rad
-        if len(plan.hands) == ARMS:
+        if len(plan.hands) == _ARMS:
             side += math.atan2(rotation[1, 0], rotation[0, 0])
         outward = np.array((math.cos(side), math.sin(side)))
         heading = side + math.pi
         toe_in, pitch = self.config.toe_in_rad, self.config.pitch_rad
-        if len(plan.hands) == ARMS:
+        if len(plan.hands) == _ARMS:
             toe_in, pitch = self.config.pair_toe_in_rad, 0.0
         hands = []
-        for hand in range(ARMS):
+        for hand in range(_ARMS):
             yaw = heading + (toe_in if hand == RIGHT else -toe_in)
             hands.append(Frame(points[hand], hand_rotation(yaw, pitch, hand)))
         middle = points[:, :2].mean(axis=0)
@@ -155,7 +163,7 @@ class PushChairExpert:
             self.phase = Phase.RETREAT
         elif before is Phase.GRIP and self._steps_in_phase >= config.grip_steps:
             self.phase = Phase.DRIVE
-            self._held = [seen_from_base(snapshot, hand) for hand in range(ARMS)]
+            self._held = [seen_from_base(snapshot, hand) for hand in range(_ARMS)]
         elif before in (Phase.DRIVE, Phase.HOLD):
             away = float(np.linalg.norm(snapshot.link_position_w[0, 0, :2]))
             self.phase = (
@@ -167,7 +175,7 @@ class PushChairExpert:
 
     def _carried(self, snapshot: Snapshot, aim: _Aim) -> bool:
         low = max(
-            abs(float(snapshot.tool_position_w[0, hand, 2] - aim.hands[hand].position[2])) for hand in range(ARMS)
+            abs(float(snapshot.tool_position_w[0, hand, 2] - aim.hands[hand].position[2])) for hand in range(_ARMS)
         )
         away = float(np.linalg.norm(aim.base_xy - snapshot.robot_qpos[0, :2]))
         return max(low, away) < self.config.carried_m

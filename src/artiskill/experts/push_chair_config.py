@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from artiskill.config import check, check_inside, check_not_negative, check_positive
+from artiskill.config import check, check_inside, check_not_negative, check_positive, check_value, check_vector
 from artiskill.experts.whole_body import WholeBodyConfig
 
 
@@ -15,7 +15,7 @@ class PushChairExpertConfig:
         side_bias_rad: the side to stand on is chosen as if the robot were so far around the chair,
             counter-clockwise; 0 for the nearest one.
         oblique_rad: how far aside of straight ahead a hand alone pushes.
-        grip_height: where on the free part of a post hands grip: -1 lowest, 0 usual, 1 highest.
+        grip_height_share: where on the free part of a post hands grip: -1 lowest, 0 usual, 1 highest.
         base_distance_m: of the base from the middle of what the hands go for.
         around_distance_m: the same while the base drives around the chair.
         around_step_rad: how far ahead on that circle it steers.
@@ -47,6 +47,7 @@ class PushChairExpertConfig:
         stray_m: a reaching hand that is this far aside of its way goes back and tries anew.
         slip_m: distance to the post's axis above which a grip counts as lost.
         grip_steps: environment steps that the fingers get to close.
+        close_speed_m_s: of each finger.
         drive_speed_m_s: of the chair, at most.
         curve_rad_m: the chair is driven this far aside of its target, per metre from it: in a curve.
         steer_rad_s: a robot that grips with one hand goes around the post with the way, so fast at most.
@@ -59,7 +60,7 @@ class PushChairExpertConfig:
 
     side_bias_rad: float
     oblique_rad: float
-    grip_height: float
+    grip_height_share: float
     base_distance_m: float
     around_distance_m: float
     around_step_rad: float
@@ -90,6 +91,7 @@ class PushChairExpertConfig:
     stray_m: float
     slip_m: float
     grip_steps: int
+    close_speed_m_s: float
     drive_speed_m_s: float
     curve_rad_m: float
     steer_rad_s: float
@@ -101,9 +103,19 @@ class PushChairExpertConfig:
 
     def __post_init__(self) -> None:
         check_not_negative(self, "steer_rad_s")
-        check_inside("grip_height", self.grip_height, (-1, 1))
+        check_inside("grip_height_share", self.grip_height_share, (-1, 1))
         check_inside("base_speed_share", self.base_speed_share, (0.1, 1))
         check_inside("around_face_rad", self.around_face_rad, (0, math.pi))
-        check_positive(self, "base_distance_m", "drive_speed_m_s", "drive_gain_s", "drive_acceleration_m_s2")
-        check_positive(self, "grip_m", "aligned_m", "aligned_rad", "patience_steps", "reach_steps", "stray_m")
+        check_positive(self, "base_distance_m", "around_distance_m", "around_step_rad", "standoff_m", "idle_m")
+        check_positive(self, "position_gain_s", "rotation_gain_s", "posture_gain_s", "drive_gain_s")
+        check_positive(self, "hand_speed_m_s", "reach_speed_m_s", "turn_speed_rad_s", "close_speed_m_s")
+        check_positive(self, "drive_speed_m_s", "drive_acceleration_m_s2", "carried_m", "stop_m", "leave_m")
+        check_positive(self, "grip_m", "aligned_m", "aligned_rad", "stray_m", "slip_m")
+        check_positive(self, "patience_steps", "reach_steps", "grip_steps")
+        check_not_negative(self, "arm_gain_s", "pair_arm_gain_s", "shoulder_above_m")
+        check_vector(self, "arm_rad", size=7)
+        check_vector(self, "carry_m", size=2)
+        check_value(self, "curve_rad_m", math.isfinite(self.curve_rad_m), "must be finite")
+        for name in ("side_bias_rad", "oblique_rad", "toe_in_rad", "pair_toe_in_rad", "pitch_rad"):
+            check_inside(name, getattr(self, name), (-math.pi, math.pi))
         check(self.stop_m < self.leave_m, f"stop_m = {self.stop_m} must be below leave_m = {self.leave_m}")

@@ -43,7 +43,7 @@ def make_plan(snapshot: Snapshot, goal: PushGoal, config: PushChairExpertConfig)
     rotation = snapshot.link_rotation_w[0, 0]
     robot = rotation.T @ (np.append(snapshot.robot_qpos[0, :2], 0.0) - snapshot.link_position_w[0, 0])
     robot = yaw_rotation(config.side_bias_rad) @ robot
-    posts = _posts(goal, config.grip_height)
+    posts = _posts(goal, config.grip_height_share)
     sides = _sides(posts)
     if not sides:
         return _single(snapshot, posts, robot, config)
@@ -89,14 +89,14 @@ def steered(plan: GripPlan, snapshot: Snapshot, config: PushChairExpertConfig) -
     return replace(plan, side_rad=plan.side_rad + min(max(change, -most), most))
 
 
-def _posts(goal: PushGoal, grip_height: float) -> np.ndarray:
+def _posts(goal: PushGoal, grip_height_share: float) -> np.ndarray:
     """(G, 3) where hands grip the chair's posts, in its root's frame."""
     count = int(goal.grip_count[0])
     if not count:
         return _USUAL_COLUMN
     usual = goal.grip_points[0, :count]
-    ends = goal.grip_ends[0, :count, 1 if grip_height > 0 else 0]
-    posts: np.ndarray = usual + abs(grip_height) * (ends - usual)
+    ends = goal.grip_ends[0, :count, 1 if grip_height_share > 0 else 0]
+    posts: np.ndarray = usual + abs(grip_height_share) * (ends - usual)
     return posts
 
 

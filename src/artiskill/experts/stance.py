@@ -35,6 +35,8 @@ class StanceConfig:
     def __post_init__(self) -> None:
         rule = f"must lie in [-{_MOST_BEARING_RAD}, {_MOST_BEARING_RAD}]"
         check_value(self, "bearing_rad", abs(self.bearing_rad) <= _MOST_BEARING_RAD, rule)
+        for name in ("via_side_m", "via_up_m"):
+            check_value(self, name, math.isfinite(getattr(self, name)), "must be finite")
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
-"""Differential inverse kinematics of the whole robot: base, lift and one arm follow a twist of the hand.
+"""Differential inverse kinematics of the whole robot: base, lift and arms follow twists of the hands.
 
-A damped least-squares problem with bounds: follow the twist, prefer a posture, stay within velocity and position
+A damped least-squares problem with bounds: follow the twists, prefer a posture, stay within velocity and position
 limits. Everything it needs, joint axes included, stands in the snapshot.
 """
 
@@ -8,14 +8,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from artiskill.config import check
+from artiskill.config import check_not_negative, check_positive
 from artiskill.robots.actions import ActionScale, action_scale
 from artiskill.robots.arm_config import load_arm
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
 
-_BASE = 3  # base x, y and yaw; then the lift; then the arm's joints
-_ARM = 4
+TRUNK = 4  # base x, y and yaw; then the lift; then the arms' joints
+_BASE = 3
+_FINGERS = 2
+_SLIDES = [0, 1, 3]
 
 
 @dataclass(frozen=True)
@@ -39,83 +41,123 @@ class WholeBodyConfig:
     limit_margin_rad: float = 0.03
 
     def __post_init__(self) -> None:
-        check(
-            min(self.base_damping, self.yaw_damping, self.lift_damping, self.arm_damping) > 0,
-            "whole-body dampings must be positive",
-        )
+        check_positive(self, "rotation_weight_m", "base_damping", "yaw_damping", "lift_damping", "arm_damping")
+        check_not_negative(self, "limit_margin_rad")
 
 
 class WholeBodyController:
-    """Twists of the hand to actions of the robot, for its first arm.
+    """Twists of the hands to actions of the robot.
+
+    Its n joints are base x, y (world frame), yaw, lift, and the joints of the arms that it moves, one after the
+    other. A is the number of these arms.
 
     Args:
-        robot: the robot.
+        robot: who acts.
         config: weights.
+        arms: how many of the robot's arms it moves, the first one first; the others rest.
     """
 
-    def __init__(self, robot: RobotConfig, config: WholeBodyConfig) -> None:
+    def __init__(self, robot: RobotConfig, config: WholeBodyConfig, arms: int = 1) -> None:
+        assert arms <= len(robot.mounts), "it moves arms that the robot has"
         self.config = config
         self.scale: ActionScale = action_scale(robot)
         arm = load_arm(robot.arm)
-        self.num_joints = _ARM + len(arm.joints)
-        ranges = np.array([j.range_rad for j in arm.joints])
+        self.arm_joints = len(arm.joints)
+        self.num_joints = TRUNK + arms * self.arm_joints
+        starts = TRUNK + np.arange(arms) * (self.arm_joints + _FINGERS)
+        own = (starts[:, None] + np.arange(self.arm_joints)).reshape(-1)
+        self.columns = np.concatenate((np.arange(TRUNK), own))  # (n,) where these joints stand among all R
+        self._finger_columns = starts[:, None] + self.arm_joints + np.arange(_FINGERS)  # (A, 2)
+        self._arms = [
+            slice(start, start + self.arm_joints) for start in range(TRUNK, self.num_joints, self.arm_joints)
+        ]
         inside = np.array((config.limit_margin_rad, -config.limit_margin_rad))
+        ranges = np.array([joint.range_rad for joint in arm.joints]) + inside
         free = np.array([(-np.inf, np.inf)] * _BASE)
-        self._limits = np.concatenate((free, [robot.lift.range_m], ranges + inside))  # (n, 2)
-        self._max_speed = self.scale.half_range[: self.num_joints]
-        dampings = [config.base_damping] * 2 + [config.yaw_damping, config.lift_damping]
-        self._damping = np.array(dampings + [config.arm_damping] * len(arm.joints))
+        self._limits = np.concatenate((free, [robot.lift.range_m], *[ranges] * arms))  # (n, 2)
+        self._max_speed = self.scale.half_range[self.columns]
+        trunk = [config.base_damping] * 2 + [config.yaw_damping, config.lift_damping]
+        self._damping = np.array(trunk + [config.arm_damping] * (arms * self.arm_joints))
+        self._drive_damping = robot.drives.arm_damping
 
-    def joint_velocities(self, snapshot: Snapshot, twist_w: np.ndarray, posture_qvel: np.ndarray) -> np.ndarray:
-        """Joint velocities that make the hand follow a twist.
+    def qpos(self, snapshot: Snapshot) -> np.ndarray:
+        """Where the n joints are (B = 1), (n,)."""
+        found: np.ndarray = snapshot.robot_qpos[0, self.columns]
+        return found
+
+    def joint_velocities(self, snapshot: Snapshot, twists_w: np.ndarray, posture_qvel: np.ndarray) -> np.ndarray:
+        """Joint velocities that make every hand follow its twist.
 
         Args:
             snapshot: one environment (B = 1).
-            twist_w: (6,) linear (m/s) and angular (rad/s) velocity of the tool's centre, world frame.
-            posture_qvel: (n,) joint velocities preferred where the twist leaves a choice.
+            twists_w: (A, 6) linear (m/s) and angular (rad/s) velocity of each tool's centre, world frame.
+            posture_qvel: (n,) joint velocities preferred where the twists leave a choice.
 
         Returns:
-            (n,) velocities of base x, y (world frame), yaw, lift and the arm's joints.
+            (n,) velocities within speed and position limits.
         """
-        jacobian = self._jacobian(snapshot)
-        weights = np.repeat((1.0, self.config.rotation_weight_m), 3)
-        matrix = np.concatenate((jacobian * weights[:, None], np.diag(self._damping)))
-        target = np.concatenate((twist_w * weights, self._damping * posture_qvel))
-        qpos = snapshot.robot_qpos[0, : self.num_joints]
+        weights = np.tile(np.repeat((1.0, self.config.rotation_weight_m), 3), len(self._arms))
+        matrix = np.concatenate((self.jacobian(snapshot) * weights[:, None], np.diag(self._damping)))
+        target = np.concatenate((twists_w.reshape(-1) * weights, self._damping * posture_qvel))
+        qpos = self.qpos(snapshot)
         lower = np.maximum(-self._max_speed, (self._limits[:, 0] - qpos) / snapshot.step_s)
         upper = np.minimum(self._max_speed, (self._limits[:, 1] - qpos) / snapshot.step_s)
         return bounded_least_squares(matrix, target, np.minimum(lower, 0.0), np.maximum(upper, 0.0))
 
-    def to_action(self, snapshot: Snapshot, qvel: np.ndarray, finger_opening_m: float) -> np.ndarray:
-        """The action that asks for joint velocities and a finger opening.
+    def pushing_velocities(self, snapshot: Snapshot, forces_w: np.ndarray) -> np.ndarray:
+        """What to add to joint velocities so that hands that are held up push with given forces.
+
+        A drive's torque is its damping times the velocity that is missing; so the arms' joints are asked for J' F
+        over the damping more. Forces that cancel leave the trunk alone.
+
+        Args:
+            snapshot: one environment.
+            forces_w: (A, 3) of each hand on what it touches, N, world frame.
+
+        Returns:
+            (n,) velocities, 0 for the trunk.
+        """
+        linear = self.jacobian(snapshot).reshape(len(self._arms), 6, -1)[:, :3]  # (A, 3, n)
+        push = np.einsum("ain,ai->n", linear, forces_w) / self._drive_damping
+        push[:TRUNK] = 0.0
+        return push
+
+    def to_action(self, snapshot: Snapshot, qvel: np.ndarray, finger_position_m: np.ndarray) -> np.ndarray:
+        """The action that asks for joint velocities and finger positions.
 
         Args:
             snapshot: one environment.
             qvel: (n,) as `joint_velocities` returns them.
-            finger_opening_m: position of each finger, 0 (closed) to 0.04.
+            finger_position_m: (A, 2) of each hand's fingers, 0 (closed) to 0.04.
 
         Returns:
-            (R,) action; joints of a second arm rest, its fingers stay where they are.
+            (R,) action; joints of an arm that is not moved rest, its fingers stay where they are.
         """
         targets = np.zeros_like(self.scale.center)
-        n = self.num_joints
-        targets[:n] = qvel
-        yaw = snapshot.robot_qpos[0, 2]
-        cos, sin = np.cos(yaw), np.sin(yaw)
+        targets[-_FINGERS:] = snapshot.robot_qpos[0, -_FINGERS:]
+        targets[self.columns] = qvel
+        cos, sin = np.cos(snapshot.robot_qpos[0, 2]), np.sin(snapshot.robot_qpos[0, 2])
         targets[0], targets[1] = cos * qvel[0] + sin * qvel[1], -sin * qvel[0] + cos * qvel[1]
-        targets[n : n + 2] = finger_opening_m
-        targets[-2:] = snapshot.robot_qpos[0, -2:] if len(targets) > n + 2 else targets[-2:]
+        targets[self._finger_columns] = finger_position_m
         return self.scale.to_actions(targets)
 
-    def _jacobian(self, snapshot: Snapshot) -> np.ndarray:
-        """Geometric Jacobian of the tool's centre, (6, n), linear rows first."""
-        n = self.num_joints
-        axis = snapshot.robot_joint_axis_w[0, :n]
-        lever = snapshot.tool_position_w[0, 0] - snapshot.robot_joint_anchor_w[0, :n]
-        linear, angular = np.cross(axis, lever), axis.copy()
-        slides = [0, 1, 3]
-        linear[slides], angular[slides] = axis[slides], 0.0
-        return np.concatenate((linear.T, angular.T))
+    def closing_m(self, snapshot: Snapshot, speed_m_s: float) -> np.ndarray:
+        """(A, 2) positions to ask the fingers for that close at this speed, each from where it is (B = 1)."""
+        fingers = snapshot.robot_qpos[0, self._finger_columns]
+        return np.maximum(fingers - speed_m_s * snapshot.step_s, 0.0)
+
+    def jacobian(self, snapshot: Snapshot) -> np.ndarray:
+        """Geometric Jacobian of the tools' centres, (6 A, n); of each, linear rows first."""
+        axis = snapshot.robot_joint_axis_w[0, self.columns]
+        anchor = snapshot.robot_joint_anchor_w[0, self.columns]
+        parts = []
+        for arm in range(len(self._arms)):
+            linear, angular = np.cross(axis, snapshot.tool_position_w[0, arm] - anchor), axis.copy()
+            linear[_SLIDES], angular[_SLIDES] = axis[_SLIDES], 0.0
+            for other in self._arms[:arm] + self._arms[arm + 1 :]:
+                linear[other], angular[other] = 0.0, 0.0
+            parts += [linear.T, angular.T]
+        return np.concatenate(parts)
 
 
 def bounded_least_squares(
