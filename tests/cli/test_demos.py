@@ -3,9 +3,11 @@ import shutil
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from artiskill.cli.main import main
+from artiskill.demos import attempts
 from artiskill.demos.demo_pack import PACK, load_demo_pack
 
 DRAWERS = str(PACK / "OpenCabinetDrawer")
@@ -82,7 +84,7 @@ def test_a_half_collected_folder_is_called_so(tmp_path: Path, capsys: pytest.Cap
     shutil.copytree(pack.folder, out)
     staged = out / ".unfinished" / "cabinet-0001"
     staged.mkdir(parents=True)
-    line = f"{out} is not finished: 1 object is still being collected"
+    line = f"{out} is not finished: 1 object is still to be collected"
     replay = ["replay", str(out), "--out", str(tmp_path / "t"), "--obs-mode", "state", "--restore", "--count", "1"]
     for command in (["verify", str(out)], ["stats", str(out)], replay):
         workers = [] if command[0] == "stats" else ["--workers", "1"]
@@ -110,6 +112,72 @@ def test_an_object_that_no_expert_solves(tmp_path: Path, capsys: pytest.CaptureF
     assert main([*collect, "--set", "episode_steps=1", "--out", str(tmp_path / "d"), "--workers", "1"]) == 1
     shown = capsys.readouterr().out
     assert "given up after 50 attempts, 0 of 100 trajectories" in shown
+
+
+COLLECT = ["demos", "collect", "--task", "OpenCabinetDrawer", "--objects", "cabinet-0002", "--workers", "1"]
+
+
+def test_what_ends_attempts_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def record(*arguments: object) -> None:
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    monkeypatch.setattr(attempts, "record", record)
+    assert main([*COLLECT, "--per-object", "60", "--out", str(tmp_path / "d")]) == 1
+    told = "given up after 50 attempts, 0 of 60 trajectories; ended before their end, of 50 attempts: 50 by Lin"
+    assert f"cabinet-0002, link_0: {told}" in capsys.readouterr().out
+    assert main(["demos", "stats", str(tmp_path / "d")]) == 0
+    assert "joint: 0 trajectories of 1 object, 0.0% of the attempts solved" in capsys.readouterr().out
+
+
+def test_ctrl_c_says_that_it_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def record(*arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(attempts, "record", record)
+    out = str(tmp_path / "d")
+    assert main([*COLLECT, "--out", out]) == 130
+    assert (
+        capsys.readouterr().err
+        == "interrupted; all that was made before is kept: the same command goes on from there\n"
+    )
+    for command in ("verify", "stats"):
+        assert main(["demos", command, out]) == 0
+        shown = capsys.readouterr().out
+        assert f"{out} is not finished: 1 object is still to be collected, and not counted here" in shown
+        assert "as recorded" not in shown
+
+
+def test_files_beside_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pack = Path(shutil.copytree(DRAWERS, tmp_path / "pack"))
+    content = json.loads((pack / "manifest.json").read_text())
+    name = sorted(content["files"])[0]
+    del content["files"][name]
+    (pack / "manifest.json").write_text(json.dumps(content))
+    assert main(["demos", "stats", str(pack)]) == 0
+    assert f"{pack}: {name}: not in the manifest, and not counted here; the next" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        [*COLLECT, "--out", ""],
+        [*COLLECT, "--out", " "],
+        ["demos", "verify", ""],
+        ["demos", "stats", ".", "--json", ""],
+    ],
+)
+def test_no_path_is_empty(
+    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An empty variable of a shell is not the working directory."""
+    monkeypatch.chdir(tmp_path)
+    assert main(command) == 2
+    assert "needs a path, not '" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -11,16 +11,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object
 from artiskill.demos import plan as planning
-from artiskill.demos.attempts import Attempt
-from artiskill.demos.collect import collect
+from artiskill.demos.attempts import Attempt, run_block
+from artiskill.demos.collect import Collection, collect
 from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.demos import Demos
+from artiskill.demos.hdf5 import load_h5py
 from artiskill.demos.manifest import read_manifest, write_manifest
 from artiskill.demos.plan import Plan
 from artiskill.demos.staging import Staging
-from artiskill.demos.unfinished import UNFINISHED
+from artiskill.demos.unfinished import UNFINISHED, unfinished_objects, unlisted_files
 from artiskill.demos.verify import verify
 from artiskill.errors import ConfigError, DemoError, PolicyError, UnknownNameError
 from artiskill.jobs.reservation import reserved
@@ -106,9 +108,9 @@ def test_a_killed_end_is_made_up_for(own_drawers: Path, plan: MakePlan, drawers:
     """Killed after the file was written and before the manifest, with half a file left over."""
     lost = plan(objects=["cabinet-0002"])
     write_manifest(dataclasses.replace(read_manifest(own_drawers), files={}), own_drawers)
-    (own_drawers / ".part-abc.h5").write_bytes(b"half")
+    (own_drawers / ".part-abcd1234.h5").write_bytes(b"half")
     (own_drawers / UNFINISHED / "cabinet-0026").mkdir(parents=True)
-    (own_drawers / UNFINISHED / "cabinet-0026" / "link_1.0.npz").write_bytes(b"half")
+    (own_drawers / UNFINISHED / "cabinet-0026" / "1.npz").write_bytes(b"half")
     collect(lost, own_drawers)
     collect(plan(), own_drawers)
     assert contents(own_drawers) == contents(drawers)
@@ -248,7 +250,7 @@ def test_every_target_can_have_as_many(plan: MakePlan) -> None:
     assert len({len(one.targets) for one in made.objects}) == 2
     with pytest.raises(ConfigError, match="per object or per target, not both"):
         plan(per_object=3, per_target=4)
-    with pytest.raises(ConfigError, match="trajectories per target must be a whole number of at least 1, not 0"):
+    with pytest.raises(ConfigError, match=r"per target must be a whole number from 1 to \d+, not 0"):
         plan(per_object=None, per_target=0)
     assert plan(per_object=None).settings.per_object == 300
 
@@ -271,15 +273,191 @@ def begin(made: Plan, folder: Path, attempts: int) -> None:
 
 
 def test_a_lost_manifest_is_no_licence(own_drawers: Path, plan: MakePlan, tmp_path: Path) -> None:
-    """Neither finished files nor staged attempts go over to a plan that may be another one."""
+    """Neither finished files nor staged attempts go over to another plan, even of other objects."""
     (own_drawers / "manifest.json").unlink()
     begin(plan(), tmp_path / "begun", 2)
     (tmp_path / "begun" / "manifest.json").unlink()
-    for folder, named in ((own_drawers, "cabinet-0002.h5, cabinet-0026.h5"), (tmp_path / "begun", ".unfinished")):
+    for folder, told in (
+        (
+            own_drawers,
+            r"does not fit: cabinet-0002.h5 was made with other settings \(per_object 3 there, 1 here\)",
+        ),
+        (tmp_path / "begun", "holds attempts made with other settings: their hash was"),
+    ):
         before = contents(folder)
-        with pytest.raises(DemoError, match=rf"has demonstrations \({named}\), but its manifest.json is missing"):
-            collect(plan(per_object=1), folder)
-        assert contents(folder) == before
+        for objects in (["cabinet-0002"], ["cabinet-0012"]):
+            with pytest.raises(DemoError, match=told):
+                collect(plan(objects=objects, per_object=1), folder)
+            assert contents(folder) == before
+
+
+@pytest.mark.parametrize("text", [None, ""])
+def test_a_lost_manifest_is_made_anew(own_drawers: Path, plan: MakePlan, drawers: Path, text: str | None) -> None:
+    manifest = own_drawers / "manifest.json"
+    manifest.unlink()
+    if text is not None:
+        manifest.write_text(text)
+    with pytest.raises(DemoError, match=r"remove what is left of manifest.json and collect with the options of"):
+        Demos(own_drawers)
+    manifest.unlink(missing_ok=True)
+    attempts = []
+    collect(plan(objects=["cabinet-0002"]), own_drawers, on_attempt=attempts.append)
+    assert not attempts
+    assert contents(own_drawers) == contents(drawers)
+
+
+def test_files_of_another_machine_are_taken_in(own_drawers: Path, plan: MakePlan, drawers: Path) -> None:
+    """Copied in without their manifest: neither overlooked nor overwritten."""
+    name = "cabinet-0026.h5"
+    listed = read_manifest(own_drawers)
+    write_manifest(
+        dataclasses.replace(listed, files={"cabinet-0002.h5": listed.files["cabinet-0002.h5"]}), own_drawers
+    )
+    assert unlisted_files(own_drawers) == [own_drawers / name]
+    before = (own_drawers / name).stat().st_ino
+    attempts = []
+    collect(plan(), own_drawers, on_attempt=attempts.append)
+    assert not attempts
+    assert (own_drawers / name).stat().st_ino == before
+    assert contents(own_drawers) == contents(drawers)
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("cabinet-0002.h5", r"cabinet-0002.h5 was made with other settings \(variety true there, false here"),
+        ("copy.h5", r"copy.h5 holds demonstrations of 'cabinet-0026'"),
+        ("damaged.h5", r"damaged.h5': it is truncated"),
+        ("foreign.h5", r"foreign.h5' holds no demonstrations"),
+    ],
+)
+def test_files_that_do_not_fit_are_an_error(own_drawers: Path, plan: MakePlan, name: str, told: str) -> None:
+    manifest, source, given = own_drawers / "manifest.json", own_drawers / "cabinet-0026.h5", own_drawers / name
+    if name == "cabinet-0002.h5":
+        (own_drawers / "cabinet-0026.h5").unlink()
+        manifest.unlink()
+    elif name == "copy.h5":
+        given.write_bytes(source.read_bytes())
+    elif name == "damaged.h5":
+        given.write_bytes(source.read_bytes()[:1000])
+    else:
+        load_h5py().File(given, "w").close()
+    before = contents(own_drawers)
+    with pytest.raises(DemoError, match=rf"does not list, and that does not fit: .*{told}.*; move it elsewhere"):
+        collect(plan(variety=name != "cabinet-0002.h5"), own_drawers)
+    assert contents(own_drawers) == before
+
+
+def test_a_folder_that_is_refused_stays_as_it_is(own_drawers: Path, plan: MakePlan) -> None:
+    (own_drawers / ".part-abcd1234.h5").write_bytes(b"somebody's")
+    before = contents(own_drawers)
+    with pytest.raises(
+        DemoError, match="holds demonstrations of OpenCabinetDrawer, not of OpenCabinetDoor; choose"
+    ):
+        collect(plan(task="OpenCabinetDoor", objects=["cabinet-0006"]), own_drawers)
+    assert contents(own_drawers) == before
+
+
+KILLED = """
+import os, sys
+sys.path.insert(0, sys.argv[1])
+import artiskill.demos.collect as module
+from tests.demos.conftest import drawer_plan
+
+before, when = module.write_manifest, sys.argv[3]
+def write(manifest, folder):
+    if when == "between" and manifest.files:
+        os._exit(9)
+    before(manifest, folder)
+    if when == "boundary" and manifest.files:
+        os._exit(9)
+module.write_manifest = write
+module.collect(drawer_plan(), sys.argv[2], on_attempt=lambda attempt: os._exit(9) if when == "first" else None)
+"""
+
+
+@pytest.mark.parametrize(
+    ("when", "missing", "beside"),
+    [
+        ("first", ["cabinet-0002", "cabinet-0026"], []),
+        ("boundary", ["cabinet-0026"], []),
+        ("between", ["cabinet-0002", "cabinet-0026"], ["cabinet-0002.h5"]),
+    ],
+)
+def test_whenever_it_is_killed_the_folder_says_what_is_missing(
+    root: Path, plan: MakePlan, drawers: Path, tmp_path: Path, when: str, missing: list[str], beside: list[str]
+) -> None:
+    folder = tmp_path / "killed"
+    command = [sys.executable, "-c", KILLED, str(root), str(folder), when]
+    assert subprocess.run(command, capture_output=True, timeout=120).returncode == 9
+    assert unfinished_objects(folder) == missing
+    assert [path.name for path in unlisted_files(folder)] == beside
+    collect(plan(), folder)
+    assert unfinished_objects(folder) == []
+    assert contents(folder) == contents(drawers)
+
+
+def test_what_is_left_of_a_finished_object_goes(own_drawers: Path, plan: MakePlan) -> None:
+    """Killed after the manifest was written, and before its attempts were removed."""
+    left = own_drawers / UNFINISHED / "cabinet-0026"
+    left.mkdir(parents=True)
+    (left / "1.npz").write_bytes(b"an attempt")
+    collect(plan(), own_drawers)
+    assert not (own_drawers / UNFINISHED).exists()
+
+
+@pytest.mark.parametrize("changes", [{"target": "../../up"}, {"level": -2}, {"object": "cabinet-0026"}])
+def test_attempts_that_nobody_would_make_count_for_nothing(
+    drawers: Path, plan: MakePlan, tmp_path: Path, changes: dict[str, object]
+) -> None:
+    begin(plan(), tmp_path, 2)
+    restage(tmp_path, **changes)
+    collect(plan(), tmp_path)
+    assert contents(tmp_path) == contents(drawers)
+
+
+def test_links_may_be_called_anything(plan: MakePlan, tmp_path: Path) -> None:
+    """Names of own URDFs' links are no names of files."""
+    for link in ("top/1", "../../up", "a" * 300):
+        folder = tmp_path / str(len(link)) / "demos"
+        mine = renamed(load_object("cabinet-0002"), "link_0", link)
+        begin(plan(objects=[mine]), folder, 2)
+        staged = sorted(path.relative_to(folder).as_posix() for path in folder.parent.rglob("*.npz"))
+        assert staged == [f"{UNFINISHED}/mine/{level}.npz" for level in (0, 1)]
+        (entry,) = collect(plan(objects=[mine]), folder).files.values()
+        assert [(count.target, count.successes) for count in entry.targets] == [(link, 3)]
+
+
+def renamed(obj: ArticulatedObject, link: str, name: str) -> ArticulatedObject:
+    """An object of one's own with another name of a link."""
+    links = tuple(dataclasses.replace(one, name=name) if one.name == link else one for one in obj.links)
+    handles = tuple(dataclasses.replace(one, link=name) if one.link == link else one for one in obj.handles)
+    return dataclasses.replace(obj, id="mine", links=links, handles=handles, metadata={})
+
+
+def test_an_edited_entry_is_noticed(own_drawers: Path, plan: MakePlan) -> None:
+    entry = read_manifest(own_drawers).files["cabinet-0002.h5"]
+    edited = dataclasses.replace(entry, trajectories=entry.trajectories + 1)
+    write_manifest(read_manifest(own_drawers).with_file("cabinet-0002.h5", edited), own_drawers)
+    with pytest.raises(DemoError, match="holds something else than the manifest says"):
+        collect(plan(), own_drawers)
+    with pytest.raises(DemoError, match="holds something else than the manifest says"):
+        Demos(own_drawers).open("cabinet-0002")
+
+
+def test_an_object_is_not_finished_while_somebody_is_at_it(plan: MakePlan, tmp_path: Path) -> None:
+    """Its targets are given up before the workers have come to the end of what they were handed."""
+    hopeless = plan(config={"episode_steps": 5}, objects=["cabinet-0026"], per_object=20)
+    (tmp_path / "crew").mkdir()
+    collection = Collection(hopeless, tmp_path / "crew", lambda attempt: None)
+    blocks = list(iter(collection.next, None))
+    assert sum(len(block.levels) for block in blocks) == 20
+    for number, block in enumerate(blocks):
+        assert collection.manifest.files == {}
+        run_block(block, collection.take_in)
+        collection.finished(number, None)
+    collect(hopeless, tmp_path / "one")
+    assert contents(tmp_path / "crew") == contents(tmp_path / "one")
 
 
 @pytest.mark.parametrize(
@@ -380,9 +558,10 @@ def test_a_killed_worker_is_no_end(plan: MakePlan, drawers: Path, tmp_path: Path
 
 
 def test_bad_numbers(plan: MakePlan, tmp_path: Path) -> None:
-    for bad in (0, -1, 2.5, True):
-        with pytest.raises(ConfigError, match="trajectories per object must be a whole number of at least 1"):
+    for bad in (0, -1, 2.5, True, 2**31):
+        with pytest.raises(ConfigError, match="trajectories per object must be a whole number from 1 to"):
             plan(per_object=bad)
+    for bad in (0, -1, 2.5, True):
         with pytest.raises(ConfigError, match="workers must be a whole number of at least 1"):
             collect(plan(), tmp_path / "out", workers=bad)
     with pytest.raises(UnknownNameError, match="unknown control mode 'joints'; did you mean 'joint'"):

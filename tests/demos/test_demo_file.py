@@ -1,13 +1,16 @@
+import json
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from artiskill.demos import json_files
 from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.demos import Demos, find_folders
 from artiskill.demos.hdf5 import load_h5py
 from artiskill.demos.header import SCHEMA_VERSION
-from artiskill.demos.manifest import read_manifest
+from artiskill.demos.manifest import read_manifest, write_manifest
 from artiskill.errors import DemoError
 
 
@@ -55,8 +58,40 @@ def test_a_file_is_a_sequence(path: Path) -> None:
         for k in (3, -4):
             with pytest.raises(IndexError, match="has the trajectories 0 to 2"):
                 file[k]
-        with pytest.raises(TypeError):
-            file["0"]  # type: ignore[index]
+            with pytest.raises(IndexError, match=f"not {k}$"):
+                file[k]
+        for wrong in ("0", 1.0, None):
+            for read in (file.__getitem__, file.trajectory, lambda i: file.array(i, "actions")):
+                with pytest.raises(TypeError, match="a trajectory's number must be a whole number, not"):
+                    read(wrong)  # type: ignore[arg-type, no-untyped-call]
+
+
+def test_a_closed_file_is_not_called_damaged(path: Path) -> None:
+    with DemoFile(path) as file:
+        pass
+    for read in (lambda: file[0], lambda: file.array(0, "actions"), lambda: file.attempts):
+        with pytest.raises(DemoError, match=r"cabinet-0002\.h5' has been closed: read it before"):
+            read()  # type: ignore[no-untyped-call]
+
+
+def test_an_object_may_be_handed_over_by_name(path: Path) -> None:
+    with DemoFile(path) as file:
+        env = file.make_env(obj="cabinet-0002")
+        env.reset(seed=0)
+        assert env.scene.object.id == "cabinet-0002"
+        with pytest.raises(DemoError, match="made with another 'cabinet-0002'"):
+            file.make_env(obj="cabinet-0026")
+
+
+def test_an_outcome_that_the_flags_do_not_have(path: Path) -> None:
+    with load_h5py().File(path, "r+") as file:
+        assert file["traj_1"].attrs["success"]
+        file["traj_1"].attrs["success"] = False
+    with (
+        DemoFile(path) as file,
+        pytest.raises(DemoError, match=r"trajectory 1 \(its attribute says success False"),
+    ):
+        file.trajectory(1)
 
 
 def test_a_trajectory_in_one_line(path: Path) -> None:
@@ -148,6 +183,8 @@ def test_folders(own_drawers: Path, tmp_path: Path) -> None:
         find_folders(tmp_path / "nothing")
     with pytest.raises(DemoError, match="is a file; name its folder"):
         find_folders(own_drawers / "cabinet-0002.h5")
+    with pytest.raises(DemoError, match=r"cabinet-0002\.h5' is a file, not a folder of demonstrations"):
+        Demos(own_drawers / "cabinet-0002.h5")
     (own_drawers / "cabinet-0002.h5").unlink()
     with pytest.raises(DemoError, match="is missing: the manifest lists it"):
         Demos(own_drawers)
@@ -158,6 +195,42 @@ def test_bad_manifests(tmp_path: Path, text: str) -> None:
     (tmp_path / "manifest.json").write_text(text)
     with pytest.raises(DemoError, match=r"damaged|holds no demonstrations"):
         read_manifest(tmp_path)
+
+
+def test_training_files_among_demonstrations_are_left_out(
+    own_drawers: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    training, damaged = tmp_path / "training", tmp_path / "damaged"
+    for folder, text in ((training, '{"format": "artiskill-training"}'), (damaged, "{")):
+        folder.mkdir()
+        (folder / "manifest.json").write_text(text)
+    assert find_folders(tmp_path) == [damaged, own_drawers]
+    assert caplog.messages == [f"{training} is left out: it holds no demonstrations, but artiskill-training"]
+
+
+@pytest.mark.parametrize(
+    "name", ["../evil.h5", "evil.h5", "/tmp/cabinet-0002.h5", ".cabinet-0002.h5", "cabinet-0002"]
+)
+@pytest.mark.parametrize("with_object", [True, False])
+def test_a_manifest_names_files_of_its_folder_only(own_drawers: Path, name: str, with_object: bool) -> None:
+    """Paths are made of the names, and of those of the objects."""
+    path = own_drawers / "manifest.json"
+    content = json.loads(path.read_text())
+    entry = content["files"].pop("cabinet-0002.h5")
+    if with_object and name != "evil.h5":
+        entry["object"] = name.removesuffix(".h5")
+    content["files"][name] = entry
+    path.write_text(json.dumps(content))
+    with pytest.raises(DemoError, match=rf"a file is called '{name}'; its name must be that of its object"):
+        read_manifest(own_drawers)
+
+
+def test_a_manifest_is_on_the_disk(own_drawers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A power cut leaves no empty one."""
+    synced: list[int] = []
+    monkeypatch.setattr(json_files.os, "fsync", lambda handle: synced.append(os.fstat(handle).st_size))
+    write_manifest(read_manifest(own_drawers), own_drawers)
+    assert synced == [(own_drawers / "manifest.json").stat().st_size]
 
 
 def test_a_manifest_with_a_key_too_many(own_drawers: Path) -> None:

@@ -1,6 +1,8 @@
 """The demonstrator: a manner by level, pushes that are flagged, actions that are stored as they are played."""
 
+import copy
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -64,6 +66,28 @@ def test_manners_differ_by_level_and_target(env: ManipulationEnv) -> None:
     speeds = [manner(env, level)["pull_speed_m_s"] for level in range(30)]
     assert low <= min(speeds) < max(speeds) <= high
     assert len(set(speeds)) == 30
+
+
+def test_manners_differ_by_object() -> None:
+    """A level and the name of a link are not all."""
+    one, other = (manner(ManipulationEnv(TASK, name), 1) for name in (OBJECT, "cabinet-0002"))
+    assert one != other
+
+
+def test_manner_and_pushes_are_drawn_apart(env: ManipulationEnv, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[float] = []
+
+    def first_of(make: Any, which: int) -> Any:
+        def wrapped(*arguments: Any) -> Any:
+            drawn.append(copy.deepcopy(arguments[which]).uniform())
+            return make(*arguments)
+
+        return wrapped
+
+    monkeypatch.setattr(module, "varied", first_of(module.varied, -1))
+    monkeypatch.setattr(module, "Disturbance", first_of(module.Disturbance, -1))
+    manner(env, 1)
+    assert len(set(drawn)) == 2
 
 
 def test_plain_is_the_expert_itself(env: ManipulationEnv) -> None:

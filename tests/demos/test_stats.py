@@ -1,11 +1,19 @@
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.demos import attempts, recording
+from artiskill.demos.collect import collect
 from artiskill.demos.coverage import Visits
+from artiskill.demos.demos import Demos
 from artiskill.demos.hdf5 import load_h5py
+from artiskill.demos.plan import Plan
+from artiskill.demos.recording import Recording
 from artiskill.demos.stats import folder_stats
 from artiskill.errors import DemoError
 
@@ -66,6 +74,38 @@ def test_a_folder_in_numbers(drawers: Path) -> None:
     written = stats.to_mapping()
     assert written["objects"][1]["targets"][0]["attempts"] == 2
     assert written["mean_length"] == stats.mean_length
+
+
+def test_failures_and_unequal_objects_count_by_number(
+    plan: Callable[..., Plan], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of one object one of two attempts is solved, of the other both of two."""
+
+    def record(env: Any, obj: ArticulatedObject, level: int, *rest: Any) -> Recording:
+        if (obj.id, level) == ("cabinet-0002", 0):
+            raise np.linalg.LinAlgError("Singular matrix")
+        return recording.record(env, obj, level, *rest)
+
+    monkeypatch.setattr(attempts, "record", record)
+    collect(plan(per_object=None, per_target=1), tmp_path)
+    stats = folder_stats(tmp_path)
+    assert [one.success_rate for one in stats.objects] == [0.5, 1.0]
+    assert stats.success_rate == 0.75
+    lengths = [len(trajectory) for trajectory in Demos(tmp_path).trajectories()]
+    assert len(lengths) == 3
+    assert stats.mean_length == pytest.approx(np.mean(lengths))
+    assert stats.mean_length != pytest.approx(np.mean([one.mean_length for one in stats.objects]))
+
+
+def test_a_file_of_other_options_is_not_counted(
+    own_drawers: Path, plan: Callable[..., Plan], tmp_path: Path
+) -> None:
+    collect(plan(objects=["cabinet-0002"], per_object=1), tmp_path / "other")
+    (tmp_path / "other" / "cabinet-0002.h5").replace(own_drawers / "cabinet-0002.h5")
+    with pytest.raises(
+        DemoError, match="was made with other settings than its manifest says: per_object 1 there, 3"
+    ):
+        folder_stats(own_drawers)
 
 
 @pytest.mark.parametrize("what", ["target", "dtype", "columns", "facts"])

@@ -1,5 +1,6 @@
 from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -112,6 +113,23 @@ def test_what_does_not_fit_is_refused(trajectory: Trajectory, env: ManipulationE
     slower = ManipulationEnv("OpenCabinetDrawer", "cabinet-0026", config={"physics.solver_iterations": 99})
     with pytest.raises(StateError, match="another physics configuration"):
         trajectory.env_state(7, slower)
+
+
+def test_wrappers_do_not_matter(trajectory: Trajectory, live: list[EnvState], env: ManipulationEnv) -> None:
+    wrapped = gym.wrappers.TimeLimit(gym.wrappers.OrderEnforcing(env), 3)
+    assert_same(trajectory.env_state(7, wrapped), live[7])
+    states = trajectory.env_states(wrapped)
+    for step in range(5):
+        assert_same(next(states), live[step])
+
+
+def test_values_of_the_wrong_kind(trajectory: Trajectory, env: ManipulationEnv) -> None:
+    for step in (1.5, "a", None):
+        with pytest.raises(TypeError, match="a step must be a whole number, not"):
+            trajectory.env_state(step, env)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="needs a `ManipulationEnv`, wrapped or not, instead of 'env'"):
+        trajectory.env_state(7, "env")  # type: ignore[arg-type]
+    assert trajectory.env_state(np.int64(7), env).elapsed == 7  # type: ignore[arg-type]
 
 
 def test_another_outcome_is_noticed(file: DemoFile, env: ManipulationEnv) -> None:

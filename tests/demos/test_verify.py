@@ -72,7 +72,7 @@ def test_what_was_disturbed_has_its_form(own_drawers: Path) -> None:
         del file["traj_1/disturbed"]
         file["traj_1/disturbed"] = values
 
-    assert "trajectory 1: disturbed are bool" in fault_of(own_drawers, shorten)
+    assert "(disturbed are bool (" in fault_of(own_drawers, shorten)
 
 
 def test_another_level(own_drawers: Path) -> None:
@@ -178,10 +178,17 @@ def with_rows(**values: int) -> Any:
 @pytest.mark.parametrize(
     ("change", "fault"),
     [
-        (set_attribute("level", -5, "traj_1"), "trajectory 1: a level is an integer from 0 to 2147483647"),
-        (set_attribute("target", "drawer", "traj_1"), "trajectory 1: unknown target link 'drawer'"),
+        (
+            set_attribute("level", -5, "traj_1"),
+            "cannot read trajectory 1 (a level is an integer from 0 to 2147483647",
+        ),
+        (set_attribute("target", "drawer", "traj_1"), "cannot read trajectory 1 (unknown target 'drawer'"),
         (replace_array("traj_1/actions", lambda a: a * np.float32(np.nan)), "trajectory 1: "),
         (replace_array("traj_1/actions", lambda a: a[:, :3]), "trajectory 1: "),
+        (replace_array("traj_1/rewards", lambda a: a.astype(np.float32)), "rewards are float32"),
+        (set_attribute("success", False, "traj_1"), "its attribute says success False, its flags True"),
+        (replace_array("attempts", with_rows(level=7)), "trajectory 0: it is not what the table of attempts says"),
+        (replace_array("attempts", with_rows(steps=7)), "trajectory 0: it is not what the table of attempts says"),
         (replace_array("attempts", lambda table: np.zeros(3)), "cannot read its attempts (they are float64, not"),
         (replace_array("attempts", with_rows(target=7)), "cannot read its attempts (the header has 1 targets)"),
         (replace_array("attempts", with_rows(trajectory=1)), "they do not list the 3 trajectories"),
@@ -195,20 +202,26 @@ def with_rows(**values: int) -> Any:
     ],
 )
 def test_whatever_is_wrong_there_is_a_verdict(own_drawers: Path, change: Any, fault: str) -> None:
-    assert fault in fault_of(own_drawers, change)
+    rewrite(own_drawers, change)
+    first, second = verify(own_drawers)
+    assert not second.faults
+    assert fault in first.faults[0]
+    assert first.exact < 3
 
 
 @pytest.mark.parametrize(
     ("columns", "fault"),
     [
-        ([["a", [3]]], "the header has 3 columns"),
+        ([["robot_qpos", [3]]], "cannot read trajectory"),
         (None, "the file's state_columns are other ones"),
     ],
 )
 def test_columns_are_those_that_are_simulated(own_drawers: Path, columns: Any, fault: str) -> None:
     def change(file: Any) -> None:
         found = json.loads(file.attrs["state_columns"])
-        file.attrs["state_columns"] = json.dumps(columns or [[f"my_{name}", shape] for name, shape in found])
+        file.attrs["state_columns"] = json.dumps(
+            columns or [[f"{name}_m", shape] if "root" in name else [name, shape] for name, shape in found]
+        )
 
     rewrite(own_drawers, change)
     faults = verify(own_drawers)[0].faults
@@ -224,6 +237,14 @@ def test_the_manifest_has_the_settings_of_its_files(own_drawers: Path) -> None:
     for verdict in verify(own_drawers):
         (fault,) = verdict.faults
         assert 'expert.name "OpenCabinetExpert" there, "Nobody" here (there: the file' in fault
+
+
+def test_objects_may_be_handed_over_by_name(own_drawers: Path) -> None:
+    rewrite(own_drawers, set_json("facts", name="cabinet-9999"))
+    assert "may be handed over: `--objects FOLDER`" in verify(own_drawers)[0].faults[0]
+    assert (
+        "has other facts" in verify(own_drawers, objects=["cabinet-0002"])[0].faults[0]
+    )  # the name, which is ours
 
 
 def test_bad_input(drawers: Path, tmp_path: Path) -> None:

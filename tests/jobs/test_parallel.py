@@ -125,6 +125,27 @@ def test_a_vanished_worker_is_explained() -> None:
         run_jobs(killed, [0, 1], 2)
 
 
+class Doomed:
+    """Ends the process that unpacks it."""
+
+    def __init__(self, how: str) -> None:
+        self.how = how
+
+    def __reduce__(self) -> tuple[Callable[[str], object], tuple[str]]:
+        return eval, (self.how,)
+
+    def __call__(self, job: int, tell: Tell) -> None:
+        """Nobody comes so far."""
+
+
+def test_a_worker_that_does_not_start_is_explained() -> None:
+    """Whoever killed it is told so; whoever has no `__main__` block is told that."""
+    with pytest.raises(PolicyError, match=r"was killed while it started \(killed by signal 9, Killed\): .*memory"):
+        run_jobs(Doomed("__import__('os').kill(__import__('os').getpid(), 9)"), [0, 1], 2)
+    with pytest.raises(PolicyError, match=r"could not start \(exit status 7\); a script .*__main__"):
+        run_jobs(Doomed("__import__('os')._exit(7)"), [0, 1], 2)
+
+
 @pytest.mark.parametrize("workers", [1, 2])
 @pytest.mark.parametrize("error", [UnknownNameError("thing", "a", ["b"]), KeyError("x")])
 def test_errors_are_the_same_for_any_number_of_workers(workers: int, error: Exception) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from artiskill.errors import ConfigError
+from artiskill.jobs import reservation
 from artiskill.jobs.reservation import LOCK_FILE, reserved
 
 HOLD = """
@@ -57,6 +58,32 @@ def test_the_lock_of_a_killed_process_is_none(tmp_path: Path) -> None:
     with reserved(tmp_path):
         assert (tmp_path / LOCK_FILE).read_text() == str(os.getpid())
     assert not list(tmp_path.iterdir())
+
+
+def test_a_lock_on_a_file_that_is_gone_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The last owner removes its file, and another one makes a new one, between our look at it and our lock."""
+    flock, calls = reservation._flock, []
+
+    def late(handle: int) -> None:
+        calls.append(handle)
+        if len(calls) == 1:
+            (tmp_path / LOCK_FILE).unlink()
+            (tmp_path / LOCK_FILE).touch()
+        flock(handle)
+
+    monkeypatch.setattr(reservation, "_flock", late)
+    with reserved(tmp_path):
+        assert len(calls) == 2
+        assert (tmp_path / LOCK_FILE).read_text() == str(os.getpid())
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc")
+def test_a_folder_that_no_file_system_takes() -> None:
+    with (
+        pytest.raises(ConfigError, match="cannot write to '/proc/demos': No such file"),
+        reserved(Path("/proc/demos")),
+    ):
+        pass
 
 
 def test_the_error_says_what_is_kept_out(tmp_path: Path) -> None:

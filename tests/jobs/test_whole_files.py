@@ -20,7 +20,11 @@ def test_all_or_nothing(tmp_path: Path) -> None:
 
 
 def test_leftovers(tmp_path: Path) -> None:
-    (tmp_path / f"{TEMPORARY_PREFIX}abc.txt").touch()
+    """Those of `whole_file` go; what anybody else calls alike stays."""
+    with whole_file(tmp_path / "file.h5") as temporary:
+        ours = temporary
+    (tmp_path / "file.h5").rename(ours)  # as a killed process leaves it
+    (tmp_path / f"{TEMPORARY_PREFIX}of-my-own.txt").touch()
     (tmp_path / "file.txt").touch()
     remove_leftovers(tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == ["file.txt"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [f"{TEMPORARY_PREFIX}of-my-own.txt", "file.txt"]

@@ -86,6 +86,7 @@ def _collect(plan: "Plan", folder: Path, workers: int | None, cluster: "RayClust
     from artiskill.cli.progress import Progress
     from artiskill.demos.attempts import Attempt
     from artiskill.demos.collect import Collection, collect
+    from artiskill.demos.unfinished import KEPT
     from artiskill.jobs.parallel import available_cores
 
     workers = available_cores() if workers is None else workers
@@ -98,4 +99,7 @@ def _collect(plan: "Plan", folder: Path, workers: int | None, cluster: "RayClust
         def on_attempt(attempt: Attempt) -> None:
             progress.attempt(attempt.success)
 
-        return collect(plan, folder, workers, on_attempt, on_start, cluster)
+        try:
+            return collect(plan, folder, workers, on_attempt, on_start, cluster)
+        except KeyboardInterrupt as interrupt:
+            raise KeyboardInterrupt(f"interrupted; {KEPT}") from interrupt

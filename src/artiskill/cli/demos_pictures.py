@@ -24,7 +24,7 @@ def add_command(commands: Any) -> None:
     parser.add_argument("--target", metavar="LINK", help="only demonstrations of this link")
     parser.add_argument("--count", type=int, default=5, help="demonstrations (default: %(default)s)")
     parser.add_argument("--moments", type=int, default=5, help="of each (default: %(default)s)")
-    parser.add_argument("--view", default="world", help="world, sensor or cloud (default: %(default)s)")
+    parser.add_argument("--view", default="world", help="world, sensor, cloud or all (default: %(default)s)")
     parser.add_argument("--width", type=int, default=320, help="of each picture, pixels (default: %(default)s)")
     parser.add_argument("--azimuth", type=float, metavar="DEG", help="where the camera stands, from +x on")
     parser.add_argument("--elevation", type=float, metavar="DEG", help="its height above the horizon")

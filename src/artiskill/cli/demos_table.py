@@ -10,19 +10,26 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from artiskill.demos.header import TargetCount
     from artiskill.demos.manifest import FileEntry, Manifest
     from artiskill.demos.plan import Plan
     from artiskill.demos.replay.manifest import TrainingEntry, TrainingManifest
+    from artiskill.demos.settings import Settings
     from artiskill.demos.stats import ObjectStats, Stats
     from artiskill.demos.verify import Verdict
 
+COLLECTED = "collected"
 _PIPED_WIDTH = 120  # a file or pipe has no width of its own
 _MOST_FAULTS = 5  # of a file
 
 
 def print_collection(plan: "Plan", manifest: "Manifest", folder: Path) -> bool:
-    """Print a row per object of a plan, and a line about each target that was given up; whether there is any."""
-    from artiskill.demos.collect import file_name
+    """Print a row per object of a plan, and a line about each target with faults, or that was given up.
+
+    Returns:
+        Whether any was given up.
+    """
+    from artiskill.demos.unlisted import file_name
 
     console, table = _console(), _table("object", "targets", "solved", "attempts", "rate", "kB each")
     entries = [manifest.files[file_name(one.id)] for one in plan.objects]
@@ -31,18 +38,12 @@ def print_collection(plan: "Plan", manifest: "Manifest", folder: Path) -> bool:
     table.add_section()
     table.add_row("all", "", *_counts(entries), style="bold")
     console.print(table)
-    short = False
     for entry in entries:
         for count in entry.targets:
-            if count.gave_up:
-                short = True
-                console.print(
-                    f"[bold red]{entry.object}, {count.target}[/]: given up after {count.attempts} attempts, "
-                    f"{count.successes} of {count.wanted} trajectories",
-                    soft_wrap=True,
-                )
+            if count.gave_up or count.faults:
+                console.print(_trouble(entry.object, count), soft_wrap=True)
     console.print(f"demonstrations: {folder}", soft_wrap=True)
-    return short
+    return any(count.gave_up for entry in entries for count in entry.targets)
 
 
 def print_verdicts(verdicts: Sequence["Verdict"]) -> None:
@@ -67,7 +68,10 @@ def print_verdicts(verdicts: Sequence["Verdict"]) -> None:
     verdict_text = (
         f"[bold red]{faulty} of {len(verdicts)} files fail[/]" if faulty else "[bold]all is as recorded[/]"
     )
-    console.print(f"{exact} of {trajectories} trajectories bit-exact: {verdict_text}", soft_wrap=True)
+    if verdicts:
+        console.print(f"{exact} of {trajectories} trajectories bit-exact: {verdict_text}", soft_wrap=True)
+    else:
+        console.print("there are no files yet: nothing was compared")
 
 
 def print_stats(stats: "Stats") -> None:
@@ -78,10 +82,10 @@ def print_stats(stats: "Stats") -> None:
         table.add_row(one.object, *_stats_cells(one))
     console = _console()
     console.print(table)
-    objects = "1 object" if len(stats.objects) == 1 else f"{len(stats.objects)} objects"
+    trajectories, objects = _number(stats.trajectories, "trajector", "y", "ies"), len(stats.objects)
     console.print(
-        f"[bold]{settings.task}[/bold], {settings.control_mode}: {stats.trajectories} trajectories of "
-        f"{objects}, {stats.success_rate:.1%} of the attempts solved, "
+        f"[bold]{settings.task}[/bold], {settings.control_mode}: {trajectories} of "
+        f"{_number(objects, 'object')}, {stats.success_rate:.1%} of the attempts solved, "
         f"{stats.mean_length:.1f} steps and {stats.bytes_per_trajectory / 1000:.1f} kB each",
         soft_wrap=True,
     )
@@ -99,19 +103,55 @@ def print_replay(manifest: "TrainingManifest", folder: Path, frames: int, second
     console.print(table)
     if frames:
         console.print(f"{frames} frames in {seconds:.1f} s, {frames / seconds:.0f} per second")
+    settings = manifest.settings
+    others = sum(entry.counts.replayed - entry.counts.exact for entry in entries)
+    if others and not restored and settings.control_mode == settings.source.control_mode:
+        console.print(
+            f"[bold red]{others} of {sum(entry.counts.replayed for entry in entries)}[/] trajectories came out "
+            "otherwise than recorded; those that are solved are kept, with what happens now",
+            soft_wrap=True,
+        )
     console.print(f"training files: {folder}", soft_wrap=True)
 
 
-def note_unfinished(folder: Path) -> None:
-    """Print a line if the collection in a folder has not come to its end."""
-    from artiskill.demos.unfinished import unfinished_objects
+def note_unfinished(folder: Path, doing: str = COLLECTED) -> None:
+    """Print a line if what is being done in a folder has not come to its end, and one if files lie beside it."""
+    from artiskill.demos.unfinished import unfinished_objects, unlisted_files
 
     count = len(unfinished_objects(folder))
     if count:
         objects = "1 object is" if count == 1 else f"{count} objects are"
+        print(f"{folder} is not finished: {objects} still to be {doing}, and not counted here")
+    others = ", ".join(path.name for path in unlisted_files(folder))
+    if others and doing == COLLECTED:
         print(
-            f"{folder} is not finished: {objects} still being collected; what has no file yet is not counted here"
+            f"{folder}: {others}: not in the manifest, and not counted here; the next `collect` takes in what fits"
         )
+
+
+def _trouble(object_id: str, count: "TargetCount") -> str:
+    """Why there is less than was wanted, or what had to be tried again."""
+    from rich.markup import escape
+
+    solved = f"{count.successes} of {_number(count.wanted, 'trajector', 'y', 'ies')}"
+    tried = _number(count.attempts, "attempt")
+    told = [f"given up after {tried}, {solved}"] if count.gave_up else []
+    if count.faults:
+        faults = ", ".join(f"{number} by {kind}" for kind, number in count.faults.items())
+        told.append(f"ended before their end, of {tried}: {faults}")
+    return f"[bold red]{object_id}, {escape(count.target)}[/]: {'; '.join(told)}"
+
+
+def _number(count: int, stem: str, one: str = "", more: str = "s") -> str:
+    """So many of something."""
+    return f"{count} {stem}{one if count == 1 else more}"
+
+
+def note_versions(folder: Path, settings: "Settings") -> None:
+    """Print a line if a collection was made with other versions than those that are here."""
+    differing = settings.other_versions
+    if differing:
+        print(f"{folder} was collected with other versions, which may give other bits: {differing}")
 
 
 def _replay_cells(entries: Sequence["TrainingEntry"], restored: bool) -> list[str]:

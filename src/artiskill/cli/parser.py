@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, NoReturn
 
 from artiskill.errors import ArtiSkillError, UnknownNameError
@@ -41,6 +42,12 @@ class Parser(argparse.ArgumentParser):
                 f"{UnknownNameError('option', unknown[0].split('=')[0], legal)} (see {command.prog} -h)"
             )
         return command.error(f"unexpected argument {unknown[0]!r}")
+
+    def _get_value(self, action: argparse.Action, text: str) -> Any:
+        """Argparse's conversion; no path is empty, which would be the working directory."""
+        if action.type is Path and not text.strip():
+            raise UsageError(f"{'/'.join(action.option_strings) or action.dest} needs a path, not {text!r}")
+        return super()._get_value(action, text)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         """Argparse's check of `choices`, which argparse makes, with our message."""

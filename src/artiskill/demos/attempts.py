@@ -11,10 +11,10 @@ from artiskill.demos.demonstrator import Demonstrator
 from artiskill.demos.recording import Recording, record
 from artiskill.demos.settings import Settings
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.errors import DivergedError
+from artiskill.errors import ActionError, ArtiSkillError, DivergedError, PolicyError
 
 # what becomes of single episodes; anything else is a fault of the program, and ends the collection
-_FAULTS = (DivergedError, ArithmeticError, np.linalg.LinAlgError)
+_FAULTS = (DivergedError, ActionError, ArithmeticError, np.linalg.LinAlgError)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,11 +74,21 @@ def run_block(block: Block, tell: Callable[[Attempt], None]) -> None:
 def make_attempt(
     env: ManipulationEnv, obj: ArticulatedObject, player: Demonstrator, block: Block, level: int
 ) -> Attempt:
-    """Play one level."""
+    """Play one level.
+
+    Raises:
+        PolicyError: what cannot be an episode's fault; it names the episode.
+    """
     settings, name = block.settings, obj.id
+    episode = f"object {name}, target {block.target}, level {level}"
     try:
         recording = record(env, obj, level, block.target, player, settings.store)
     except _FAULTS as error:
         return Attempt(name, block.target, level, False, 0, f"{type(error).__name__}: {error}", None)
+    except ArtiSkillError as error:
+        raise PolicyError(f"{episode}: {error}") from error
+    except Exception as error:
+        error.add_note(episode)
+        raise
     kept = recording if recording.success or settings.keep_failures else None
     return Attempt(name, block.target, level, recording.success, len(recording.actions), "", kept)

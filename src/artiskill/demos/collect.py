@@ -1,26 +1,23 @@
 """Collecting demonstrations into a folder: whatever ends it, the same command goes on from where it was."""
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
 from artiskill.assets.catalog import load_object
 from artiskill.demos.attempts import Attempt, Block, run_block
+from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.header import TargetCount
-from artiskill.demos.manifest import (
-    FileEntry,
-    Manifest,
-    check_file,
-    read_manifest,
-    sha256_of,
-    write_manifest,
-)
+from artiskill.demos.json_files import MANIFEST
+from artiskill.demos.manifest import Manifest, check_file, read_manifest, write_manifest
 from artiskill.demos.plan import ObjectPlan, Plan
-from artiskill.demos.settings import settings_hash
+from artiskill.demos.settings import Settings, settings_hash
 from artiskill.demos.staging import Staging
 from artiskill.demos.streams import Stream
-from artiskill.demos.unfinished import WORKER_HINT, check_manifest
+from artiskill.demos.unfinished import WORKER_HINT
+from artiskill.demos.unlisted import entry_of, file_name, with_unlisted
 from artiskill.demos.writing import make_header, write_object_file
 from artiskill.errors import ConfigError, DemoError
 from artiskill.jobs.parallel import run_source
@@ -92,19 +89,22 @@ class Collection:
     """
 
     def __init__(self, plan: Plan, folder: Path, on_attempt: OnAttempt) -> None:
-        self.manifest = _open_manifest(plan, folder)
         self.restored = 0
         self._plan, self._folder, self._on_attempt = plan, folder, on_attempt
         self._staging = Staging(folder, settings_hash(plan.settings))
         self._open: dict[str, tuple[ObjectPlan, list[Stream]]] = {}
+        self.manifest = self._open_manifest()
         for one in plan.objects:
             if self._is_finished(one):
                 self._staging.remove(one.id)
                 continue
             self._open[one.id] = one, plan.streams(one)
             for attempt in self._staging.load(one.id, one.content_hash):
-                self._stream(attempt).tell(attempt.level, attempt.success)
-                self.restored += attempt.success
+                self._take_back(attempt)
+        remove_leftovers(folder)
+        write_manifest(self.manifest, folder)
+        for name in self._open:
+            self._staging.begin(name)
 
     @property
     def missing(self) -> int:
@@ -142,16 +142,37 @@ class Collection:
     def _stream(self, attempt: Attempt) -> Stream:
         return next(s for s in self._open[attempt.object][1] if s.target == attempt.target)
 
+    def _take_back(self, attempt: Attempt) -> None:
+        """An earlier collector's attempt; one that nobody would make counts for nothing."""
+        for stream in self._open[attempt.object][1]:
+            if stream.target == attempt.target and stream.has(attempt.level):
+                stream.tell(attempt.level, attempt.success)
+                self.restored += attempt.success
+
+    def _open_manifest(self) -> Manifest:
+        """The folder's manifest, which must be of the plan's settings; one made anew where there is none."""
+        wanted = self._plan.settings
+        if (self._folder / MANIFEST).exists():
+            manifest = read_manifest(self._folder)
+            _check_same(self._folder, manifest.settings, wanted)
+        else:
+            manifest = Manifest(wanted)
+            self._staging.check()
+        return with_unlisted(manifest, self._folder)
+
     def _is_finished(self, one: ObjectPlan) -> bool:
-        entry = self.manifest.files.get(file_name(one.id))
-        if entry is None or not (self._folder / file_name(one.id)).exists():
+        path = self._folder / file_name(one.id)
+        entry = self.manifest.files.get(path.name)
+        if entry is None or not path.exists():
             return False
-        check_file(self._folder, file_name(one.id), entry)
+        check_file(self._folder, path.name, entry)
         if entry.content_hash != one.content_hash:
             raise DemoError(
                 f"{str(self._folder)!r} holds demonstrations of another {one.id!r}: its content hash was "
                 f"{entry.content_hash}, now it is {one.content_hash}; choose another folder"
             )
+        with DemoFile(path) as file:
+            file.check_listed(self._plan.settings, entry)
         return True
 
     def _finish(self, one: ObjectPlan, streams: list[Stream]) -> None:
@@ -164,45 +185,40 @@ class Collection:
                 "removed while others were made; the same command makes them again"
             )
         attempts = [known[key] for key in counted]
-        counts = tuple(_count(stream) for stream in streams)
+        faults = {key: attempt.fault.partition(":")[0] for key, attempt in known.items()}
+        counts = tuple(_count(stream, faults) for stream in streams)
         obj = load_object(one.item) if isinstance(one.item, str) else one.item
         header = make_header(obj, self._plan.settings, counts, self._plan.flag_names, attempts)
         path = self._folder / file_name(one.id)
         write_object_file(path, header, attempts)
-        entry = FileEntry(
-            object=one.id,
-            content_hash=one.content_hash,
-            sha256=sha256_of(path),
-            bytes=path.stat().st_size,
-            trajectories=sum(attempt.recording is not None for attempt in attempts),
-            targets=counts,
-        )
-        self.manifest = self.manifest.with_file(path.name, entry)
+        with DemoFile(path) as file:
+            self.manifest = self.manifest.with_file(path.name, entry_of(file))
         write_manifest(self.manifest, self._folder)
         self._staging.remove(one.id)
 
 
-def file_name(object_id: str) -> str:
-    """Of an object's demonstrations."""
-    return f"{object_id}.h5"
-
-
-def _count(stream: Stream) -> TargetCount:
+def _count(stream: Stream, faults: Mapping[tuple[str, int], str]) -> TargetCount:
+    """What came of a stream; of each target and level, the kind of fault that ended it."""
+    kinds = sorted(fault for level in stream.levels if (fault := faults[stream.target, level]))
     successes = sum(stream.outcomes[level] for level in stream.levels)
-    return TargetCount(stream.target, stream.wanted, successes, len(stream.levels), successes < stream.wanted)
+    return TargetCount(
+        target=stream.target,
+        wanted=stream.wanted,
+        successes=successes,
+        attempts=len(stream.levels),
+        gave_up=successes < stream.wanted,
+        faults=dict(Counter(kinds)),
+    )
 
 
-def _open_manifest(plan: Plan, folder: Path) -> Manifest:
-    """The folder's manifest, which must be of the plan's settings; a new one where there is none."""
-    remove_leftovers(folder)
-    if not check_manifest(folder, "demonstrations"):
-        manifest = Manifest(plan.settings)
-        write_manifest(manifest, folder)
-        return manifest
-    manifest = read_manifest(folder)
-    differences = manifest.settings.differences(plan.settings)
+def _check_same(folder: Path, there: Settings, here: Settings) -> None:
+    """See whether two collections' settings are the same."""
+    if there.task != here.task:
+        raise DemoError(
+            f"{str(folder)!r} holds demonstrations of {there.task}, not of {here.task}; choose another folder"
+        )
+    differences = there.differences(here)
     if differences:
         raise DemoError(
             f"{str(folder)!r} holds demonstrations of other settings ({differences}); choose another folder"
         )
-    return manifest

@@ -1,13 +1,17 @@
 """`Demos`: a folder of demonstrations, or a single file, open for reading."""
 
+import logging
 from collections.abc import Iterator
 from pathlib import Path
 
 from artiskill.demos.demo_file import DemoFile
-from artiskill.demos.json_files import MANIFEST
-from artiskill.demos.manifest import Manifest, check_file, read_manifest
+from artiskill.demos.header import FORMAT
+from artiskill.demos.json_files import MANIFEST, format_of
+from artiskill.demos.manifest import FileEntry, Manifest, check_file, read_manifest
 from artiskill.demos.trajectory import Trajectory
 from artiskill.errors import DemoError, UnknownNameError
+
+_LOGGER = logging.getLogger("artiskill.demos")
 
 
 class Demos:
@@ -48,17 +52,17 @@ class Demos:
 
         Raises:
             UnknownNameError: there is none of this object.
-            DemoError: it is damaged.
+            DemoError: it is damaged, or not what the manifest says.
         """
         for name, entry in self.manifest.files.items():
             if entry.object == object_id:
-                return DemoFile(self.folder / name)
+                return self._open(name, entry)
         raise UnknownNameError("object", object_id, self.objects, f"(of {str(self.folder)!r})")
 
     def files(self) -> Iterator[DemoFile]:
         """All files, one after the other; each is closed before the next is opened."""
-        for name in self.manifest.files:
-            with DemoFile(self.folder / name) as file:
+        for name, entry in self.manifest.files.items():
+            with self._open(name, entry) as file:
                 yield file
 
     def trajectories(self) -> Iterator[Trajectory]:
@@ -66,9 +70,20 @@ class Demos:
         for file in self.files():
             yield from file
 
+    def _open(self, name: str, entry: FileEntry) -> DemoFile:
+        file = DemoFile(self.folder / name)
+        try:
+            file.check_listed(self.manifest.settings, entry)
+        except BaseException:
+            file.close()
+            raise
+        return file
+
 
 def find_folders(path: Path | str) -> list[Path]:
     """The folders of demonstrations that a path means: itself, or those right in it.
+
+    Of the latter, those that hold something else are left out, and the log says so.
 
     Raises:
         DemoError: there are none.
@@ -76,9 +91,15 @@ def find_folders(path: Path | str) -> list[Path]:
     path = Path(path)
     if path.is_file():
         raise DemoError(f"{str(path)!r} is a file; name its folder, {str(path.parent)!r}, which has the manifest")
-    if (path / MANIFEST).exists():
+    if (path / MANIFEST).exists() or any(path.glob("*.h5")):
         return [path]
-    found = sorted(child.parent for child in path.glob(f"*/{MANIFEST}"))
+    found = []
+    for child in sorted(child.parent for child in path.glob(f"*/{MANIFEST}")):
+        held = format_of(child)
+        if held in (FORMAT, None):
+            found.append(child)
+        else:
+            _LOGGER.warning("%s is left out: it holds no demonstrations, but %s", child, held)
     if not found:
         raise DemoError(f"{str(path)!r} holds no demonstrations: neither it nor a folder in it has a {MANIFEST}")
     return found

@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,7 @@ class TargetCount:
         successes: that there are.
         attempts: that they took.
         gave_up: whether fewer are there because too many attempts failed.
+        faults: what ended attempts before their end, `LinAlgError` say, and how many of them.
     """
 
     target: str
@@ -38,6 +39,7 @@ class TargetCount:
     successes: int
     attempts: int
     gave_up: bool
+    faults: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

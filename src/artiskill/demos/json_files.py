@@ -1,6 +1,8 @@
 """`manifest.json` of a folder: a dataclass under the name and version of its format."""
 
 import json
+import os
+import re
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -10,11 +12,12 @@ from artiskill.errors import ConfigError, DemoError
 from artiskill.jobs.whole_files import whole_file
 
 MANIFEST = "manifest.json"
+_PLAIN = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]*")  # of what ids of objects consist of
 
 T = TypeVar("T")
 
 
-def read_json(cls: type[T], folder: Path, wanted: str, version: int, what: str) -> T:
+def read_json(cls: type[T], folder: Path, wanted: str, version: int, what: str, advice: str = "") -> T:
     """What `write_json` wrote.
 
     Args:
@@ -23,24 +26,58 @@ def read_json(cls: type[T], folder: Path, wanted: str, version: int, what: str) 
         wanted: the format.
         version: of its schema.
         what: a folder with such a file holds.
+        advice: how a lost or damaged one may be made anew.
 
     Raises:
-        DemoError: there is none, or one that is damaged, foreign or of another version.
+        DemoError: there is none, or one that is damaged, foreign or of another version, or that names files which
+            are no plain `<object>.h5`.
     """
     path = folder / MANIFEST
     try:
         given = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
-        raise DemoError(f"{str(folder)!r} holds no {what}: it has no {MANIFEST}") from error
+        lost = advice if any(folder.glob("*.h5")) else ""
+        raise DemoError(f"{str(folder)!r} holds no {what}: it has no {MANIFEST}{lost}") from error
+    except NotADirectoryError as error:
+        raise DemoError(f"{str(folder)!r} is a file, not a folder of {what}") from error
     except (OSError, ValueError) as error:
-        raise DemoError(f"{str(path)!r} is damaged: {error}") from error
+        raise DemoError(f"{str(path)!r} is damaged: {error}{advice}") from error
     if not isinstance(given, dict):
         raise DemoError(f"{str(path)!r} holds no {what} of artiskill")
     check_format(given.pop("format", None), given.pop("schema_version", None), path, wanted, version, what)
     try:
-        return from_mapping(cls, given, str(path))
+        found = from_mapping(cls, given, str(path))
+        _check_names(found, path)
     except ConfigError as error:
-        raise DemoError(f"a damaged manifest: {error}") from error
+        raise DemoError(f"a damaged manifest: {error}{advice}") from error
+    return found
+
+
+def _check_names(manifest: Any, path: Path) -> None:
+    """Paths are made of these names: none may lead out of the folder."""
+    for name, entry in manifest.files.items():
+        if name != f"{entry.object}.h5" or not _PLAIN.fullmatch(name):
+            raise ConfigError(f"{path}: a file is called {name!r}; its name must be that of its object, and `.h5`")
+
+
+def format_of(folder: Path) -> str | None:
+    """What a folder's manifest says that it is; None if there is none, or a damaged one."""
+    found = _read(folder).get("format")
+    return None if found is None else str(found)
+
+
+def listed_files(folder: Path) -> tuple[str, ...]:
+    """Names of the files that a folder's manifest lists; none if there is none, or a damaged one."""
+    return tuple(_read(folder).get("files", ()))
+
+
+def _read(folder: Path) -> dict[str, Any]:
+    """What can be read of a manifest."""
+    try:
+        found = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 def write_json(content: Any, folder: Path, wanted: str, version: int) -> None:
@@ -51,7 +88,9 @@ def write_json(content: Any, folder: Path, wanted: str, version: int) -> None:
     """
     values = {"format": wanted, "schema_version": version, **to_mapping(content)}
     try:
-        with whole_file(folder / MANIFEST) as temporary:
-            temporary.write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")
+        with whole_file(folder / MANIFEST) as temporary, temporary.open("w", encoding="utf-8") as file:
+            file.write(json.dumps(values, indent=1) + "\n")
+            file.flush()
+            os.fsync(file.fileno())  # as the files that it lists
     except OSError as error:
         raise DemoError(f"cannot write to {str(folder)!r}: {error.strerror or error}") from error

@@ -5,9 +5,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from artiskill.demos.header import FORMAT, SCHEMA_VERSION, TargetCount
-from artiskill.demos.json_files import read_json, write_json
+from artiskill.demos.json_files import MANIFEST, read_json, write_json
 from artiskill.demos.settings import Settings
 from artiskill.errors import DemoError
+
+_ADVICE = (
+    f"; where it was lost or damaged, remove what is left of {MANIFEST} and collect with the options of before: "
+    "it is made anew from the files"
+)
 
 
 @dataclass(frozen=True)
@@ -54,7 +59,7 @@ def read_manifest(folder: Path) -> Manifest:
     Raises:
         DemoError: it has none, or one that is damaged, foreign or of another version.
     """
-    return read_json(Manifest, folder, FORMAT, SCHEMA_VERSION, "demonstrations")
+    return read_json(Manifest, folder, FORMAT, SCHEMA_VERSION, "demonstrations", _ADVICE)
 
 
 def write_manifest(manifest: Manifest, folder: Path) -> None:

@@ -1,12 +1,26 @@
 """What the two kinds of files of trajectories share: they are open, and a context manager closes them."""
 
+import operator
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 from artiskill.demos.hdf5 import open_file, reading
+from artiskill.errors import DemoError
 
 TRAJECTORY = "traj_"  # and its number: the group of a trajectory
+
+
+def whole_number(given: int, what: str) -> int:
+    """It, as an `int`.
+
+    Raises:
+        TypeError: it is none.
+    """
+    try:
+        return operator.index(given)
+    except TypeError as error:
+        raise TypeError(f"{what} must be a whole number, not {given!r}") from error
 
 
 class OpenFile:
@@ -52,6 +66,30 @@ class OpenFile:
     def close(self) -> None:
         """Let go of the file."""
         self._file.close()
+
+    def checked(self, i: int) -> int:
+        """A trajectory's number.
+
+        Raises:
+            IndexError: there are not so many.
+            TypeError: it is no whole number.
+            DemoError: the file has been closed.
+        """
+        self.check_open()
+        number = whole_number(i, "a trajectory's number")
+        if not 0 <= number < self._count:
+            held = f"the trajectories 0 to {self._count - 1}" if self._count else "no trajectories"
+            raise IndexError(f"{str(self.path)!r} has {held}, not {i}")
+        return number
+
+    def check_open(self) -> None:
+        """See whether it can still be read.
+
+        Raises:
+            DemoError: it has been closed.
+        """
+        if not self._file:
+            raise DemoError(f"{str(self.path)!r} has been closed: read it before, or inside its `with` statement")
 
     def __len__(self) -> int:
         """How many trajectories it holds."""

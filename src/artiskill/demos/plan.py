@@ -9,6 +9,7 @@ import numpy as np
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object, resolve_objects
 from artiskill.assets.identity import checked_hash
+from artiskill.config import check
 from artiskill.demos.config import DemosConfig, load_demos_config
 from artiskill.demos.settings import CONTROLLER, ExpertInfo, Settings, mapping_hash, plain, task_hash
 from artiskill.demos.streams import Stream, make_streams
@@ -92,7 +93,7 @@ def make_plan(
         objects: a split, an id, a list of ids, or `ArticulatedObject`s.
         per_object: successful trajectories of each, which its targets share evenly; 300 unless either is given.
         per_target: successful trajectories of each target.
-        targets: only these links; every object must have one of them.
+        targets: only these links, in whatever order; every object must have one of them.
         control_mode: of the stored actions.
         first_level: of each object.
         keep_failures: store failed attempts, too.
@@ -108,6 +109,8 @@ def make_plan(
     """
     if per_object is not None and per_target is not None:
         raise ConfigError("trajectories are wanted per object or per target, not both")
+    for name, given in (("keep_failures", keep_failures), ("variety", variety)):
+        check(isinstance(given, bool), f"{name} must be True or False, not {given!r}")
     made, demos_config = make_task(task, config), demos_config or load_demos_config()
     check_name("control mode", control_mode, CONTROL_MODES)
     if per_object is None and per_target is None:
@@ -118,7 +121,7 @@ def make_plan(
         per_object=_count(per_object, "object"),
         per_target=_count(per_target, "target"),
         first_level=check_level(first_level),
-        targets=None if targets is None else tuple(targets),
+        targets=_links(targets),
         keep_failures=keep_failures,
         variety=variety,
         config=plain(made.config),
@@ -159,9 +162,18 @@ def _count(wanted: int | None, of: str) -> int | None:
     """How many trajectories, checked."""
     if wanted is None:
         return None
-    if isinstance(wanted, bool) or not isinstance(wanted, int) or not 1 <= wanted <= MAX_LEVEL:
-        raise ConfigError(f"the trajectories per {of} must be a whole number of at least 1, not {wanted!r}")
+    is_legal = isinstance(wanted, int) and not isinstance(wanted, bool) and 1 <= wanted <= MAX_LEVEL
+    check(is_legal, f"the trajectories per {of} must be a whole number from 1 to {MAX_LEVEL}, not {wanted!r}")
     return wanted
+
+
+def _links(targets: Sequence[str] | None) -> tuple[str, ...] | None:
+    """Names of links, checked; in one order, for it means nothing."""
+    if targets is None:
+        return None
+    is_legal = not isinstance(targets, str) and bool(targets) and all(isinstance(name, str) for name in targets)
+    check(is_legal, f"targets must be a list of names of links, ['link_0'] say, not {targets!r}")
+    return tuple(sorted(set(targets)))
 
 
 def _expert_info(task: Task, variety: bool) -> ExpertInfo:

@@ -3,6 +3,8 @@
 import json
 import tokenize
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,7 @@ import numpy as np
 from artiskill.demos.attempts import Attempt
 from artiskill.demos.columns import Columns
 from artiskill.demos.recording import ARRAYS, Recording
-from artiskill.demos.unfinished import UNFINISHED, remove_unfinished
+from artiskill.demos.unfinished import KEPT, UNFINISHED, remove_unfinished
 from artiskill.errors import DemoError
 from artiskill.jobs.whole_files import remove_leftovers, whole_file
 
@@ -52,38 +54,50 @@ class Staging:
         Raises:
             DemoError: it cannot be written; what was written before is as it was.
         """
-        path = self._folder / attempt.object / f"{attempt.target}.{attempt.level}.npz"
+        # levels differ from target to target; the names of links may be anything, `../up` say
+        path = self._folder / attempt.object / f"{attempt.level}.npz"
         recording = attempt.recording
         arrays = {} if recording is None else {name: getattr(recording, name) for name in ARRAYS}
         about = _about(attempt) | {"content_hash": content_hash, "settings_hash": self._settings_hash}
-        try:
+        with _writing(path.parent):
             path.parent.mkdir(parents=True, exist_ok=True)
             with whole_file(path) as temporary, temporary.open("wb") as file:
                 np.savez(file, about=np.array(json.dumps(about)), **arrays)
-        except OSError as error:
-            raise DemoError(
-                f"cannot write to {str(path.parent)!r}: {error.strerror or error}; all that was collected "
-                "before is kept: the same command goes on from there"
-            ) from error
 
-    def load(self, object_id: str, content_hash: str) -> list[Attempt]:
+    def begin(self, object_id: str) -> None:
+        """Leave a trace of an object that is to be collected, be it killed before its first attempt.
+
+        Raises:
+            DemoError: it cannot be written.
+        """
+        with _writing(self._folder):
+            (self._folder / object_id).mkdir(parents=True, exist_ok=True)
+
+    def load(self, object_id: str, content_hash: str | None = None) -> list[Attempt]:
         """All attempts at an object that can be read; others are as if they had never been made.
 
         Args:
             object_id: of the object.
-            content_hash: of the object.
+            content_hash: of the object; None for whichever they were made with.
 
         Raises:
             DemoError: some were made with another object of this id, or with other settings.
         """
         folder = self._folder / object_id
-        if not folder.is_dir():
-            return []
-        remove_leftovers(folder)
         read = [found for path in sorted(folder.glob("*.npz")) if (found := _read(path)) is not None]
         for _, hashes in read:
-            self._check(folder, object_id, hashes, content_hash)
-        return [attempt for attempt, _ in read]
+            self._check(folder, object_id, hashes, content_hash or hashes[0])
+        remove_leftovers(folder)
+        return [attempt for attempt, _ in read if attempt.object == object_id]
+
+    def check(self) -> None:
+        """See whether all attempts, at whichever objects, belong to this collection.
+
+        Raises:
+            DemoError: some were made with other settings.
+        """
+        for folder in sorted(self._folder.glob("*")):
+            self.load(folder.name)
 
     def remove(self, object_id: str) -> None:
         """Forget the attempts at an object, whose file is finished."""
@@ -101,6 +115,15 @@ class Staging:
                     f"{str(folder)!r} holds attempts made {what} {there}, now it is {here}; "
                     "choose another folder, or remove this one to make them anew"
                 )
+
+
+@contextmanager
+def _writing(folder: Path) -> Iterator[None]:
+    """Turn what the file system says into an error that names the folder."""
+    try:
+        yield
+    except OSError as error:
+        raise DemoError(f"cannot write to {str(folder)!r}: {error.strerror or error}; {KEPT}") from error
 
 
 def _about(attempt: Attempt) -> dict[str, Any]:

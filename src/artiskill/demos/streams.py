@@ -14,7 +14,8 @@ class Stream:
     Target number k of n legal ones has the levels first + k, first + k + n, first + k + 2 n, ...: no two targets
     of an object start from the same place. What counts are the first `wanted` successes in this order, so that it
     does not matter who makes which attempt when. Attempts after a failed one are never more than the successes
-    that are missing; so none is in vain, and those made are all that come before the last success.
+    that are missing; so none is in vain unless the target is given up, and those made are all that come before
+    the last success.
 
     Attributes:
         target: link.
@@ -37,6 +38,10 @@ class Stream:
     def level(self, number: int) -> int:
         """The level that is tried as the `number`-th, from 0."""
         return self.first + number * self.stride
+
+    def has(self, level: int) -> bool:
+        """Whether it is one of the target's."""
+        return level >= self.first and (level - self.first) % self.stride == 0
 
     def take(self, most: int) -> tuple[int, ...]:
         """Levels to try next; none if those that are being tried may be enough."""

@@ -3,11 +3,14 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
+import gymnasium as gym
 import numpy as np
 
 from artiskill.demos.header import Header
 from artiskill.demos.instants import STREAKS, digest_of, simulation_state
+from artiskill.demos.open_file import whole_number
 from artiskill.demos.recording import Recording, key_frame_steps
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.state import EnvState
@@ -71,19 +74,22 @@ class Trajectory:
         """(M,) at which steps the exact state is in the file."""
         return key_frame_steps(len(self), self.header.settings.store.key_frame_steps)
 
-    def env_state(self, step: int, env: ManipulationEnv | None = None) -> EnvState:
+    def env_state(self, step: int, env: "ManipulationEnv | gym.Env[Any, Any] | None" = None) -> EnvState:
         """The environment's exact state before action `step`, or after the last one.
 
         Args:
             step: 0 to T.
             env: in which steps that are not in the file are simulated, from the last one before that is; see
-                `DemoFile.make_env`. It is left there. Not needed at `exact_steps`.
+                `DemoFile.make_env`. It is left there; Gymnasium's wrappers are left out. Not needed at
+                `exact_steps`.
 
         Raises:
             IndexError: there is no such step.
+            TypeError: no whole number, or no environment.
             DemoError: the step must be simulated and there is no environment, or it comes out otherwise there.
             StateError: the environment is of another task, object or physics.
         """
+        step = whole_number(step, "a step")
         if not 0 <= step <= len(self):
             raise IndexError(f"{self.name} has the steps 0 to {len(self)}, not {step}")
         frame = int(np.searchsorted(self.exact_steps, step, side="right")) - 1
@@ -91,27 +97,27 @@ class Trajectory:
         state = self._key_frame(frame)
         if start == step:
             return state
-        self._check_env(env)
-        assert env is not None
-        env.restore_state(state)
+        bare = self._bare(env)
+        bare.restore_state(state)
         for action in self.actions[start:step]:
-            env.step(action)
-        return self._checked(env.save_state(), step)
+            bare.step(action)
+        return self._checked(bare.save_state(), step)
 
-    def env_states(self, env: ManipulationEnv) -> Iterator[EnvState]:
+    def env_states(self, env: "ManipulationEnv | gym.Env[Any, Any]") -> Iterator[EnvState]:
         """The exact states of all steps, 0 to T, in one run; the environment may be used between them.
 
         Raises:
             DemoError: as in `env_state`.
             StateError: likewise.
+            TypeError: likewise.
         """
-        self._check_env(env)
+        bare = self._bare(env)
         state = self._key_frame(0)
         yield state
         for step, action in enumerate(self.actions, start=1):
-            env.restore_state(state)
-            env.step(action)
-            state = self._checked(env.save_state(), step)
+            bare.restore_state(state)
+            bare.step(action)
+            state = self._checked(bare.save_state(), step)
             yield state
 
     def _key_frame(self, frame: int) -> EnvState:
@@ -129,17 +135,22 @@ class Trajectory:
         )
         return self._checked(state, state.elapsed)
 
-    def _check_env(self, env: ManipulationEnv | None) -> None:
+    def _bare(self, env: "ManipulationEnv | gym.Env[Any, Any] | None") -> ManipulationEnv:
+        """The environment without wrappers, which must have the trajectory's control mode."""
         mode = self.header.settings.control_mode
         if env is None:
             raise DemoError(
                 f"{self.name}: exact states are stored of the steps {self.exact_steps.tolist()}; an environment "
                 "is needed to simulate those between (DemoFile.make_env makes one)"
             )
-        if env.control.mode != mode:
+        bare = getattr(env, "unwrapped", None)
+        if not isinstance(bare, ManipulationEnv):
+            raise TypeError(f"{self.name} needs a `ManipulationEnv`, wrapped or not, instead of {env!r}")
+        if bare.control.mode != mode:
             raise DemoError(
-                f"{self.name} has actions of control mode {mode!r}, the environment {env.control.mode!r}"
+                f"{self.name} has actions of control mode {mode!r}, the environment {bare.control.mode!r}"
             )
+        return bare
 
     def _checked(self, state: EnvState, step: int) -> EnvState:
         found, wanted = digest_of(state.simulation), int(self.recording.digests[step])

@@ -3,7 +3,7 @@
 import shutil
 from pathlib import Path
 
-from artiskill.demos.json_files import MANIFEST
+from artiskill.demos.json_files import MANIFEST, listed_files
 from artiskill.errors import DemoError
 
 UNFINISHED = ".unfinished"
@@ -49,7 +49,14 @@ def remove_unfinished(folder: Path, object_id: str) -> None:
 
 
 def unfinished_objects(folder: Path) -> list[str]:
-    """Ids of objects that work was begun on, and whose file is not there yet."""
-    unfinished = folder / UNFINISHED
+    """Ids of objects that work was begun on, or is to be, and that the manifest does not list."""
+    unfinished, listed = folder / UNFINISHED, listed_files(folder)
     found = sorted(path.name for path in unfinished.iterdir()) if unfinished.is_dir() else []
-    return [name for name in found if not (folder / f"{name}.h5").exists()]
+    return [name for name in found if f"{name}.h5" not in listed]
+
+
+def unlisted_files(folder: Path) -> list[Path]:
+    """Files that the manifest does not list: copied in, or written right before the process was killed."""
+    listed = listed_files(folder)
+    found = sorted(path for path in folder.glob("*.h5") if not path.name.startswith("."))
+    return [path for path in found if path.name not in listed]

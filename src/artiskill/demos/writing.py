@@ -20,7 +20,7 @@ ATTEMPTS = "attempts"
 ATTEMPT_TYPE = np.dtype(
     [("target", "<i4"), ("level", "<i4"), ("success", "<i1"), ("steps", "<i4"), ("trajectory", "<i4")]
 )
-# rewards and digests are small, and the latter random: no use compressing these
+# random bits: no use compressing them
 _UNCOMPRESSED = ("digests",)
 
 

@@ -188,6 +188,8 @@ class _Crew:
 
     def _vanished(self, worker: Worker) -> PolicyError:
         how = worker.how_it_ended()
+        if worker.job is None and worker.was_killed:
+            return PolicyError(f"a worker process was killed while it started ({how}): {self._hint}")
         if worker.job is None:
             return PolicyError(
                 f"a worker process could not start ({how}); a script that uses several workers must keep its own "

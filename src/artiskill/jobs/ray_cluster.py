@@ -67,5 +67,5 @@ class RayCluster:
         except OSError as error:
             raise ClusterError(
                 f"no Ray cluster at {self.address!r}: {error.strerror or error}; "
-                "`ray status` on one of its machines tells its address"
+                "its address is what `ray start --head` printed; on a machine of the cluster, --ray auto finds it"
             ) from error

@@ -45,14 +45,18 @@ def reserved(folder: Path, what: str = "evaluation") -> Iterator[None]:
 def _lock(folder: Path, what: str) -> int:
     """The handle of the lock file that others find there, too."""
     try:
-        for _ in range(_TRIES):  # its last owner may remove the file, or the folder, while we take it
-            with suppress(FileNotFoundError):
+        for left in reversed(range(_TRIES)):  # its last owner may remove the file, or the folder, while we take it
+            try:
                 handle = _try_lock(folder, what)
+            except FileNotFoundError:
+                if not left:
+                    raise
+            else:
                 if handle is not None:
                     return handle
     except OSError as error:
         raise ConfigError(f"cannot write to {str(folder)!r}: {error.strerror or error}") from error
-    raise ConfigError(f"cannot write to {str(folder)!r}: it disappears again and again")
+    raise ConfigError(f"cannot write to {str(folder)!r}: its lock disappears again and again")
 
 
 def _try_lock(folder: Path, what: str) -> int | None:

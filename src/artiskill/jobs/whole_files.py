@@ -1,6 +1,7 @@
 """Files that appear whole or not at all."""
 
 import os
+import re
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,6 +9,7 @@ from pathlib import Path
 
 # of names that a killed process may leave behind; whoever owns a folder alone may remove them
 TEMPORARY_PREFIX = ".part-"
+_TEMPORARY = re.compile(re.escape(TEMPORARY_PREFIX) + r"[a-z0-9_]{8}(\.(h5|json|npz))?")  # as `mkstemp` makes them
 
 
 @contextmanager
@@ -25,6 +27,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 def remove_leftovers(folder: Path) -> None:
-    """Remove temporary files in a folder that nobody else is writing to."""
+    """Remove temporary files of `whole_file` in a folder that nobody else is writing to."""
     for path in folder.glob(f"{TEMPORARY_PREFIX}*"):
-        path.unlink(missing_ok=True)
+        if _TEMPORARY.fullmatch(path.name) and path.is_file():
+            path.unlink(missing_ok=True)

@@ -102,6 +102,12 @@ class Worker:
             else:
                 yield kind, value
 
+    @property
+    def was_killed(self) -> bool:
+        """Of one that is gone: whether a signal ended it."""
+        self._process.join(_TERMINATE_S)
+        return (self._process.exitcode or 0) < 0
+
     def how_it_ended(self) -> str:
         """Of one that is gone: signal or exit status."""
         self._process.join(_TERMINATE_S)

@@ -206,15 +206,14 @@ class Replaying:
 
 def _open_manifest(settings: ReplaySettings, folder: Path) -> TrainingManifest:
     """The folder's manifest, which must be of these settings; a new one where there is none."""
-    remove_leftovers(folder)
-    if not check_manifest(folder, WHAT):
-        manifest = TrainingManifest(settings)
-        write_training_manifest(manifest, folder)
-        return manifest
-    manifest = read_training_manifest(folder)
+    is_new = not check_manifest(folder, WHAT)
+    manifest = TrainingManifest(settings) if is_new else read_training_manifest(folder)
     differences = manifest.settings.differences(settings)
     if differences:
         raise DemoError(
             f"{str(folder)!r} holds training files of other settings ({differences}); choose another folder"
         )
+    remove_leftovers(folder)
+    if is_new:
+        write_training_manifest(manifest, folder)
     return manifest
