@@ -49,3 +49,20 @@ def plan() -> Callable[..., Plan]:
 def contents(folder: Path) -> dict[str, bytes]:
     """All files of a folder."""
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+class Stop(Exception):  # noqa: N818 - no error
+    """Ends a collection."""
+
+
+def begin(made: Plan, folder: Path, attempts: int) -> None:
+    """Collect, and stop after so many attempts."""
+    heard = []
+
+    def on_attempt(attempt: object) -> None:
+        heard.append(attempt)
+        if len(heard) == attempts:
+            raise Stop
+
+    with pytest.raises(Stop):
+        collect(made, folder, on_attempt=on_attempt)

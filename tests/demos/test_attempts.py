@@ -59,7 +59,7 @@ def test_an_action_that_is_none_is_a_failed_attempt(
     monkeypatch.setattr(OpenCabinetExpert, "act", once_nan)
     (entry,) = collect(plan(objects=["cabinet-0002"], per_object=1), tmp_path).files.values()
     (count,) = entry.targets
-    assert (count.attempts, count.successes, count.faults) == (2, 1, {"ActionError": 1})
+    assert (count.attempts, count.successes, count.faults) == (2, 1, {"FloatingPointError": 1})
     assert verify(tmp_path)[0].faults == ()
 
 

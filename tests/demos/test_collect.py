@@ -1,5 +1,4 @@
 import dataclasses
-import json
 import multiprocessing
 import os
 import signal
@@ -14,20 +13,18 @@ import pytest
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object
 from artiskill.demos import plan as planning
-from artiskill.demos.attempts import Attempt, run_block
+from artiskill.demos.attempts import run_block
 from artiskill.demos.collect import Collection, collect
 from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.demos import Demos
-from artiskill.demos.hdf5 import load_h5py
 from artiskill.demos.manifest import read_manifest, write_manifest
 from artiskill.demos.plan import Plan
-from artiskill.demos.staging import Staging
 from artiskill.demos.unfinished import UNFINISHED, unfinished_objects, unlisted_files
 from artiskill.demos.verify import verify
 from artiskill.errors import ConfigError, DemoError, PolicyError, UnknownNameError
 from artiskill.jobs.reservation import reserved
 
-from .conftest import PER_OBJECT, contents
+from .conftest import PER_OBJECT, begin, contents
 
 MakePlan = Callable[..., Plan]
 
@@ -255,109 +252,6 @@ def test_every_target_can_have_as_many(plan: MakePlan) -> None:
     assert plan(per_object=None).settings.per_object == 300
 
 
-class Stop(Exception):  # noqa: N818 - no error
-    """Ends a collection."""
-
-
-def begin(made: Plan, folder: Path, attempts: int) -> None:
-    """Collect, and stop after so many attempts."""
-    heard = []
-
-    def on_attempt(attempt: object) -> None:
-        heard.append(attempt)
-        if len(heard) == attempts:
-            raise Stop
-
-    with pytest.raises(Stop):
-        collect(made, folder, on_attempt=on_attempt)
-
-
-def test_a_lost_manifest_is_no_licence(own_drawers: Path, plan: MakePlan, tmp_path: Path) -> None:
-    """Neither finished files nor staged attempts go over to another plan, even of other objects."""
-    (own_drawers / "manifest.json").unlink()
-    begin(plan(), tmp_path / "begun", 2)
-    (tmp_path / "begun" / "manifest.json").unlink()
-    for folder, told in (
-        (
-            own_drawers,
-            r"does not fit: cabinet-0002.h5 was made with other settings \(per_object 3 there, 1 here\)",
-        ),
-        (tmp_path / "begun", "holds attempts made with other settings: their hash was"),
-    ):
-        before = contents(folder)
-        for objects in (["cabinet-0002"], ["cabinet-0012"]):
-            with pytest.raises(DemoError, match=told):
-                collect(plan(objects=objects, per_object=1), folder)
-            assert contents(folder) == before
-
-
-@pytest.mark.parametrize("text", [None, ""])
-def test_a_lost_manifest_is_made_anew(own_drawers: Path, plan: MakePlan, drawers: Path, text: str | None) -> None:
-    manifest = own_drawers / "manifest.json"
-    manifest.unlink()
-    if text is not None:
-        manifest.write_text(text)
-    with pytest.raises(DemoError, match=r"remove what is left of manifest.json and collect with the options of"):
-        Demos(own_drawers)
-    manifest.unlink(missing_ok=True)
-    attempts = []
-    collect(plan(objects=["cabinet-0002"]), own_drawers, on_attempt=attempts.append)
-    assert not attempts
-    assert contents(own_drawers) == contents(drawers)
-
-
-def test_files_of_another_machine_are_taken_in(own_drawers: Path, plan: MakePlan, drawers: Path) -> None:
-    """Copied in without their manifest: neither overlooked nor overwritten."""
-    name = "cabinet-0026.h5"
-    listed = read_manifest(own_drawers)
-    write_manifest(
-        dataclasses.replace(listed, files={"cabinet-0002.h5": listed.files["cabinet-0002.h5"]}), own_drawers
-    )
-    assert unlisted_files(own_drawers) == [own_drawers / name]
-    before = (own_drawers / name).stat().st_ino
-    attempts = []
-    collect(plan(), own_drawers, on_attempt=attempts.append)
-    assert not attempts
-    assert (own_drawers / name).stat().st_ino == before
-    assert contents(own_drawers) == contents(drawers)
-
-
-@pytest.mark.parametrize(
-    ("name", "told"),
-    [
-        ("cabinet-0002.h5", r"cabinet-0002.h5 was made with other settings \(variety true there, false here"),
-        ("copy.h5", r"copy.h5 holds demonstrations of 'cabinet-0026'"),
-        ("damaged.h5", r"damaged.h5': it is truncated"),
-        ("foreign.h5", r"foreign.h5' holds no demonstrations"),
-    ],
-)
-def test_files_that_do_not_fit_are_an_error(own_drawers: Path, plan: MakePlan, name: str, told: str) -> None:
-    manifest, source, given = own_drawers / "manifest.json", own_drawers / "cabinet-0026.h5", own_drawers / name
-    if name == "cabinet-0002.h5":
-        (own_drawers / "cabinet-0026.h5").unlink()
-        manifest.unlink()
-    elif name == "copy.h5":
-        given.write_bytes(source.read_bytes())
-    elif name == "damaged.h5":
-        given.write_bytes(source.read_bytes()[:1000])
-    else:
-        load_h5py().File(given, "w").close()
-    before = contents(own_drawers)
-    with pytest.raises(DemoError, match=rf"does not list, and that does not fit: .*{told}.*; move it elsewhere"):
-        collect(plan(variety=name != "cabinet-0002.h5"), own_drawers)
-    assert contents(own_drawers) == before
-
-
-def test_a_folder_that_is_refused_stays_as_it_is(own_drawers: Path, plan: MakePlan) -> None:
-    (own_drawers / ".part-abcd1234.h5").write_bytes(b"somebody's")
-    before = contents(own_drawers)
-    with pytest.raises(
-        DemoError, match="holds demonstrations of OpenCabinetDrawer, not of OpenCabinetDoor; choose"
-    ):
-        collect(plan(task="OpenCabinetDoor", objects=["cabinet-0006"]), own_drawers)
-    assert contents(own_drawers) == before
-
-
 KILLED = """
 import os, sys
 sys.path.insert(0, sys.argv[1])
@@ -406,16 +300,6 @@ def test_what_is_left_of_a_finished_object_goes(own_drawers: Path, plan: MakePla
     assert not (own_drawers / UNFINISHED).exists()
 
 
-@pytest.mark.parametrize("changes", [{"target": "../../up"}, {"level": -2}, {"object": "cabinet-0026"}])
-def test_attempts_that_nobody_would_make_count_for_nothing(
-    drawers: Path, plan: MakePlan, tmp_path: Path, changes: dict[str, object]
-) -> None:
-    begin(plan(), tmp_path, 2)
-    restage(tmp_path, **changes)
-    collect(plan(), tmp_path)
-    assert contents(tmp_path) == contents(drawers)
-
-
 def test_links_may_be_called_anything(plan: MakePlan, tmp_path: Path) -> None:
     """Names of own URDFs' links are no names of files."""
     for link in ("top/1", "../../up", "a" * 300):
@@ -458,79 +342,6 @@ def test_an_object_is_not_finished_while_somebody_is_at_it(plan: MakePlan, tmp_p
         collection.finished(number, None)
     collect(hopeless, tmp_path / "one")
     assert contents(tmp_path / "crew") == contents(tmp_path / "one")
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ("settings_hash", "attempts made with other settings: their hash was 0000, now it is [0-9a-f]{16};"),
-        ("content_hash", "attempts made with another 'cabinet-0002': its content hash was 0000, now it is"),
-    ],
-)
-def test_attempts_of_others_are_refused(plan: MakePlan, tmp_path: Path, change: str, message: str) -> None:
-    begin(plan(), tmp_path, 2)
-    restage(tmp_path, **{change: "0000"})
-    with pytest.raises(DemoError, match=message):
-        collect(plan(), tmp_path)
-
-
-def restage(folder: Path, **changes: object) -> None:
-    """Change what a staged attempt says about itself."""
-    path = sorted((folder / UNFINISHED / "cabinet-0002").glob("*.npz"))[0]
-    with np.load(path) as file:
-        arrays = dict(file)
-    arrays["about"] = np.array(json.dumps(json.loads(str(arrays["about"])) | changes))
-    np.savez(path, **arrays)
-
-
-def test_two_objects_of_one_name_do_not_mix(plan: MakePlan, tmp_path: Path) -> None:
-    """An imported object that was changed between two runs keeps its id."""
-    mine = dataclasses.replace(load_object("cabinet-0002"), id="mine")
-    changed = dataclasses.replace(mine, metadata=dict(mine.metadata) | {"edition": 2})
-    begin(plan(objects=[mine]), tmp_path, 2)
-    with pytest.raises(DemoError, match=r"mine' holds attempts made with another 'mine': its content hash was"):
-        collect(plan(objects=[changed]), tmp_path)
-    assert collect(plan(objects=[mine]), tmp_path).files["mine.h5"].content_hash == mine.content_hash
-
-
-def test_a_spoilt_attempt_is_made_again(plan: MakePlan, drawers: Path, tmp_path: Path) -> None:
-    """Spoilt before the next run, or between an attempt and the end of its object."""
-    spoilt = []
-
-    def spoil(attempt: object) -> None:
-        if not spoilt:
-            spoilt.extend((tmp_path / UNFINISHED / "cabinet-0002").glob("*.npz"))
-            spoilt[0].write_bytes(spoilt[0].read_bytes()[:100])
-
-    with pytest.raises(DemoError, match=r"1 of 3 attempts at 'cabinet-0002' were damaged.*makes them again"):
-        collect(plan(), tmp_path, on_attempt=spoil)
-    collect(plan(), tmp_path)
-    assert contents(tmp_path) == contents(drawers)
-
-
-def test_whatever_is_wrong_with_a_staged_file_it_was_never_made(drawers: Path, tmp_path: Path) -> None:
-    staging = Staging(tmp_path, "settings")
-    with DemoFile(drawers / "cabinet-0002.h5") as file:
-        first = file[0]
-    attempt = Attempt("cabinet-0002", first.target, first.level, True, len(first), "", first.recording)
-    staging.save(attempt, "object")
-    (path,) = (tmp_path / UNFINISHED).rglob("*.npz")
-    whole, rng = path.read_bytes(), np.random.default_rng(0)
-    (found,) = staging.load("cabinet-0002", "object")
-    np.testing.assert_array_equal(found.recording.states, first.recording.states)
-    for k in range(900):
-        data = bytearray(whole)
-        if k % 4 == 0:
-            data = data[: rng.integers(len(data))]
-        else:  # anywhere, in the first header, or in the directory at the end
-            where = (int(rng.integers(len(data))), int(rng.integers(900)), len(data) - 1 - int(rng.integers(900)))
-            data[where[k % 4 - 1]] ^= 1 << int(rng.integers(8))
-        path.write_bytes(data)
-        for one in staging.load("cabinet-0002", "object"):
-            assert one.recording is not None
-            told = (one.target, one.level, one.success, one.steps)
-            assert told == (first.target, first.level, True, len(first))
-            np.testing.assert_array_equal(one.recording.actions, first.actions)
 
 
 def test_levels_that_there_are_not(plan: MakePlan, tmp_path: Path) -> None:

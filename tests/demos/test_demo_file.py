@@ -13,6 +13,8 @@ from artiskill.demos.header import SCHEMA_VERSION
 from artiskill.demos.manifest import read_manifest, write_manifest
 from artiskill.errors import DemoError
 
+from .conftest import PER_OBJECT
+
 
 def changed(path: Path, **attributes: object) -> Path:
     with load_h5py().File(path, "r+") as file:
@@ -238,3 +240,14 @@ def test_a_manifest_with_a_key_too_many(own_drawers: Path) -> None:
     path.write_text(path.read_text().replace('"settings": {', '"setings": {', 1))
     with pytest.raises(DemoError, match="did you mean 'settings'"):
         read_manifest(own_drawers)
+
+
+def test_every_success_has_a_trajectory(own_drawers: Path) -> None:
+    path = own_drawers / "cabinet-0002.h5"
+    with load_h5py().File(path, "r+") as file:
+        table = file["attempts"][()]
+        table["trajectory"][table["trajectory"] == PER_OBJECT - 1] = -1
+        file["attempts"][...] = table
+        del file[f"traj_{PER_OBJECT - 1}"]
+    with DemoFile(path) as file, pytest.raises(DemoError, match="one that was solved has no trajectory"):
+        _ = file.attempts

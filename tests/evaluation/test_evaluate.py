@@ -247,3 +247,8 @@ def test_a_policy_says_which_actions_it_gives() -> None:
     assert not np.allclose(twist, other, atol=1e-3)
     with pytest.raises(PolicyError, match="needs control_mode 'operational_space', but 'joint' was asked for"):
         play("operational_space", control_mode="joint")
+
+
+def test_a_class_that_says_nothing_gives_joint_actions() -> None:
+    with pytest.raises(PolicyError, match="needs control_mode 'joint', but 'operational_space' was asked for"):
+        evaluate(TASK, Still(), OBJECTS, 1, control_mode="operational_space")

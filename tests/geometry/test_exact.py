@@ -106,3 +106,12 @@ def test_rooms_whose_bits_count_use_nothing_that_differs_between_processors() ->
 
 def test_exemptions_exist() -> None:
     assert all((SOURCE / name).exists() for name in EXEMPT)
+
+
+def test_single_numbers_and_whole_ones_too() -> None:
+    x, y = np.random.default_rng(1).uniform(-1, 1, (2, 500))
+    for a, b in zip(x, y, strict=True):
+        assert (arcsin(a), arccos(a)) == (math.asin(a), math.acos(a))
+        assert arctan2(a, b) == math.atan2(a, b)
+    assert arctan2(y[0], x).tolist() == [math.atan2(y[0], value) for value in x]
+    assert exp(np.array([1, 2])).tolist() == [math.exp(1), math.exp(2)]

@@ -22,7 +22,7 @@ Category = Literal["cabinet", "chair", "bucket"]
 JointKind = Literal["prismatic", "revolute"]
 ShapeKind = Literal["box", "cylinder", "capsule", "sphere", "hull"]
 
-_LEGAL_ID = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]*")  # files and folders are called by it: no `..`
+LEGAL_ID = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]*")  # files and folders are called by it: no `..`
 _UNIT_TOLERANCE = 1e-6
 
 
@@ -249,7 +249,7 @@ def check_object_id(object_id: object) -> None:
     Raises:
         AssetError: it is no text, begins with `.`, or holds anything but letters, digits, `-`, `.` and `_`.
     """
-    if not isinstance(object_id, str) or not _LEGAL_ID.fullmatch(object_id):
+    if not isinstance(object_id, str) or not LEGAL_ID.fullmatch(object_id):
         raise AssetError(f"object id {object_id!r}: legal are letters, digits, '-', '_' and, not first, '.'")
 
 

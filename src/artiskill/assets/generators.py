@@ -24,7 +24,7 @@ def generate(
 
     Args:
         category: which generator.
-        seed: at least 0; the same seed, the same object, on any machine.
+        seed: at least 0; the same seed, the same object, bit for bit.
         object_id: its name.
         held_out: whether it is of a family that training and test objects never are of.
         fresh: whether it is drawn from streams that the catalogue never uses, as `generated:` objects are.

@@ -11,10 +11,10 @@ from artiskill.demos.demonstrator import Demonstrator
 from artiskill.demos.recording import Recording, record
 from artiskill.demos.settings import Settings
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.errors import ActionError, ArtiSkillError, DivergedError, PolicyError
+from artiskill.errors import ArtiSkillError, DivergedError, PolicyError
 
 # what becomes of single episodes; anything else is a fault of the program, and ends the collection
-_FAULTS = (DivergedError, ActionError, ArithmeticError, np.linalg.LinAlgError)
+_FAULTS = (DivergedError, ArithmeticError, np.linalg.LinAlgError)
 
 
 @dataclass(frozen=True, eq=False)

@@ -55,7 +55,7 @@ def collect(
         ClusterError: the cluster cannot be reached, breaks down, or would give other results.
         ConfigError: an illegal number of workers, or another collector is at the folder.
         DemoError: the folder holds a collection of other settings, or is damaged, or cannot be written to.
-        PolicyError: a worker ended by itself.
+        PolicyError: a worker ended by itself, or an episode met an error that is not its own.
     """
     folder = Path(folder)
     if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:

@@ -108,6 +108,8 @@ class DemoFile(OpenFile):
                 raise ValueError(f"the header has {len(self.header.targets)} targets")
             if sorted(numbers[numbers >= 0]) != list(range(len(self))):
                 raise ValueError(f"they do not list the {len(self)} trajectories")
+            if (found["success"] & (numbers < 0)).any():
+                raise ValueError("one that was solved has no trajectory")
             return found
 
     def check_settings(self, wanted: Settings) -> None:

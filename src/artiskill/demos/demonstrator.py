@@ -61,9 +61,15 @@ class Demonstrator:
         self.disturbed = False
 
     def act(self, env: ManipulationEnv) -> np.ndarray:
-        """The next action, (A,) float32."""
+        """The next action, (A,) float32.
+
+        Raises:
+            FloatingPointError: the expert's is not finite.
+        """
         assert self._expert is not None
         wanted = self._expert.act(env.snapshot, env.goal)
+        if not np.isfinite(wanted).all():
+            raise FloatingPointError(f"the expert's action is not finite: {wanted.tolist()}")
         action = self._stored(wanted, env)
         offset = None if self._disturbance is None else self._disturbance.next(wanted)
         if offset is None:

@@ -2,17 +2,16 @@
 
 import json
 import os
-import re
 from pathlib import Path
 from typing import Any, TypeVar
 
+from artiskill.assets.articulated_object import LEGAL_ID
 from artiskill.config import from_mapping, to_mapping
 from artiskill.demos.header import check_format
 from artiskill.errors import ConfigError, DemoError
 from artiskill.jobs.whole_files import whole_file
 
 MANIFEST = "manifest.json"
-_PLAIN = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]*")  # of what ids of objects consist of
 
 T = TypeVar("T")
 
@@ -56,7 +55,7 @@ def read_json(cls: type[T], folder: Path, wanted: str, version: int, what: str, 
 def _check_names(manifest: Any, path: Path) -> None:
     """Paths are made of these names: none may lead out of the folder."""
     for name, entry in manifest.files.items():
-        if name != f"{entry.object}.h5" or not _PLAIN.fullmatch(name):
+        if name != f"{entry.object}.h5" or not LEGAL_ID.fullmatch(entry.object):
             raise ConfigError(f"{path}: a file is called {name!r}; its name must be that of its object, and `.h5`")
 
 
@@ -68,7 +67,8 @@ def format_of(folder: Path) -> str | None:
 
 def listed_files(folder: Path) -> tuple[str, ...]:
     """Names of the files that a folder's manifest lists; none if there is none, or a damaged one."""
-    return tuple(_read(folder).get("files", ()))
+    found = _read(folder).get("files", {})
+    return tuple(found) if isinstance(found, dict) else ()
 
 
 def _read(folder: Path) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from artiskill.demos.recording import ARRAYS, Recording
 from artiskill.demos.unfinished import KEPT, UNFINISHED, remove_unfinished
 from artiskill.errors import DemoError
 from artiskill.jobs.whole_files import remove_leftovers, whole_file
+from artiskill.tasks.levels import check_level
 
 # what numpy raises of damaged files
 _DAMAGED = (
@@ -135,12 +136,21 @@ def _about(attempt: Attempt) -> dict[str, Any]:
     return about
 
 
+def _check_about(about: dict[str, Any]) -> None:
+    check_level(about["level"])
+    types = {"object": str, "target": str, "success": bool, "steps": int, "fault": str}
+    wrong = [name for name, kind in types.items() if type(about[name]) is not kind]
+    if wrong or (about["success"] and "state_columns" not in about):
+        raise ValueError(f"not of an attempt: {wrong or 'a success that was not recorded'}")
+
+
 def _read(path: Path) -> tuple[Attempt, tuple[str, str]] | None:
     """An attempt, and the hashes of its object and settings; None if the file is damaged."""
     try:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             about = json.loads(str(file["about"]))
             hashes = str(about.pop("content_hash")), str(about.pop("settings_hash"))
+            _check_about(about)
             if "state_columns" not in about:
                 return Attempt(**about, recording=None), hashes
             states, frames = (

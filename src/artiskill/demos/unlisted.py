@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from artiskill.assets.articulated_object import LEGAL_ID
 from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.manifest import FileEntry, Manifest, sha256_of
 from artiskill.demos.unfinished import unlisted_files
@@ -51,7 +52,7 @@ def _check_belongs(file: DemoFile, manifest: Manifest) -> None:
     differences = file.header.settings.differences(manifest.settings)
     if differences:
         raise DemoError(f"{name} was made with other settings ({differences})")
-    if name != file_name(object_id):
+    if name != file_name(object_id) or not LEGAL_ID.fullmatch(object_id):
         raise DemoError(f"{name} holds demonstrations of {object_id!r}")
     file.check_counts()
     for number in range(len(file)):

@@ -159,7 +159,7 @@ def load_policy(policy: Any) -> Actor:
 
     Args:
         policy: one of `POLICY_NAMES`, the path of a Python file (see docs/evaluation.md), a function
-            (observation) -> action, or an object with `obs_mode`, `reset` `act`, perhaps `control_mode`.
+            (observation) -> action, or an object with `obs_mode`, `reset`, `act` and perhaps `control_mode`.
 
     Raises:
         UnknownNameError: text that is neither a policy's name nor looks like a Python file.

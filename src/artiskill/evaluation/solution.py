@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from artiskill.envs.control import CONTROL_MODES
+from artiskill.envs.control import CONTROL_MODES, JOINT
 from artiskill.envs.modes import OBSERVATION_MODES
 from artiskill.errors import PolicyError, UnknownNameError
 
@@ -36,7 +36,7 @@ class Solution:
         act: (observation) -> action.
         obs_mode: the observation mode that it needs; None if any will do.
         act_name: how the author calls `act`.
-        control_mode: the control mode that its actions are of; None if it does not say.
+        control_mode: the control mode that its actions are of; None if they may be of any.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class Solution:
         for member in ("reset", "act"):
             if not callable(getattr(policy, member)):
                 raise PolicyError(f"{name}: {member} cannot be called; {LEGAL_FORMS}")
-        control_mode = getattr(policy, "control_mode", None)
+        control_mode = getattr(policy, "control_mode", JOINT)
         if policy.obs_mode not in OBSERVATION_MODES:
             raise PolicyError(f"{name}: {UnknownNameError('obs_mode', policy.obs_mode, OBSERVATION_MODES)}")
         if control_mode not in (None, *CONTROL_MODES):

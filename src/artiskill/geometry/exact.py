@@ -16,6 +16,8 @@ from artiskill.geometry.arrays import Array, dot, namespace
 
 __all__ = ["arccos", "arcsin", "arctan2", "dot", "exp", "power", "product", "turned"]
 
+_NUMPY = (np.ndarray, np.generic, float, int)  # and single numbers
+
 
 def product(a: Array, b: Array) -> Array:
     """Matrix product, (..., N, K) x (..., K, M) -> (..., N, M); K is at least 1, and small."""
@@ -32,21 +34,21 @@ def turned(matrices: Array, vectors: Array) -> Array:
 
 def arccos(values: Array) -> Array:
     """Of values in [-1, 1]."""
-    if isinstance(values, np.ndarray):
+    if isinstance(values, _NUMPY):
         return _by_number(math.acos, values)
     return namespace(values).acos(values)
 
 
 def arcsin(values: Array) -> Array:
     """Of values in [-1, 1]."""
-    if isinstance(values, np.ndarray):
+    if isinstance(values, _NUMPY):
         return _by_number(math.asin, values)
     return namespace(values).asin(values)
 
 
 def arctan2(y: Array, x: Array) -> Array:
     """Angle of the points (x, y), in [-pi, pi]."""
-    if isinstance(y, np.ndarray):
+    if isinstance(y, _NUMPY) and isinstance(x, _NUMPY):
         return _by_number(math.atan2, y, x)
     return namespace(y, x).atan2(y, x)
 
@@ -63,7 +65,8 @@ def power(values: np.ndarray, exponent: float) -> np.ndarray:
 
 def _by_number(function: Callable[..., float], *values: Any) -> np.ndarray:
     """A function of `math`, for each element of one array, or of several that are broadcast to one shape."""
-    together = values if len(values) == 1 else np.broadcast_arrays(*values)
+    together = np.broadcast_arrays(*values)
     first = together[0]
     numbers = (array.ravel().tolist() for array in together)
-    return np.fromiter(map(function, *numbers), np.result_type(*values), first.size).reshape(first.shape)
+    found = np.fromiter(map(function, *numbers), np.result_type(*values, 0.0), first.size)
+    return found.reshape(first.shape)

@@ -23,8 +23,8 @@ _MARKERS = (b"@kernel", b"@inlined_kernel", b"@intrinsic")
 def kernel(function: F) -> F:
     """Compile on first use, keep on disk, release the GIL.
 
-    No `fastmath`: sums keep their order, so that every machine gives the same pixels. Division by zero gives an
-    infinity, as in NumPy; whoever divides must be ready for it.
+    No `fastmath`: sums keep their order, so that all processors with FMA give the same pixels. Division by zero
+    gives an infinity, as in NumPy; whoever divides must be ready for it.
     """
     compiled: F = njit(cache=True, nogil=True, error_model="numpy")(function)
     return compiled

@@ -9,7 +9,7 @@ from pathlib import Path
 
 # of names that a killed process may leave behind; whoever owns a folder alone may remove them
 TEMPORARY_PREFIX = ".part-"
-_TEMPORARY = re.compile(re.escape(TEMPORARY_PREFIX) + r"[a-z0-9_]{8}(\.(h5|json|npz))?")  # as `mkstemp` makes them
+_TEMPORARY = re.compile(re.escape(TEMPORARY_PREFIX) + r"[a-z0-9_]{8}(\.[a-z0-9]+)?")  # as `mkstemp` makes them
 
 
 @contextmanager

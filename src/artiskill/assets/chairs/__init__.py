@@ -14,7 +14,7 @@ def generate_chair(seed: int, object_id: str, held_out: bool = False, fresh: boo
     """The chair of a seed, with the default configuration.
 
     Args:
-        seed: at least 0; the same seed, the same chair, on any machine.
+        seed: at least 0; the same seed, the same chair, bit for bit.
         object_id: its name.
         held_out: whether it is of a family that training and test objects never are of.
         fresh: whether it is one of the `generated:` objects, which are not those of the catalogue.

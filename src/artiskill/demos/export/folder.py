@@ -22,7 +22,8 @@ def new_folder(path: Path) -> Iterator[Path]:
         DemoError: the path exists, or cannot be written to.
         ConfigError: another process exports under this name.
     """
-    _check_is_free(path)
+    with writing(path):
+        _check_is_free(path)
     place = path.parent / f"{TEMPORARY_PREFIX}{path.name}"
     temporary = place / "dataset"
     try:
