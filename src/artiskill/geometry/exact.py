@@ -65,7 +65,7 @@ def power(values: np.ndarray, exponent: float) -> np.ndarray:
 
 def _by_number(function: Callable[..., float], *values: Any) -> np.ndarray:
     """A function of `math`, for each element of one array, or of several that are broadcast to one shape."""
-    together = np.broadcast_arrays(*values)
+    together = [np.asarray(values[0])] if len(values) == 1 else np.broadcast_arrays(*values)
     first = together[0]
     numbers = (array.ravel().tolist() for array in together)
     found = np.fromiter(map(function, *numbers), np.result_type(*values, 0.0), first.size)

@@ -15,6 +15,8 @@ from artiskill.errors import DivergedError
 from artiskill.scene.cache import cached_scene
 from artiskill.sim.placing import placed
 
+_DIGEST_STEPS = 10  # states are compared so often, and at the end: what differs once stays different
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -110,14 +112,15 @@ def simulate(
 def _is_as_recorded(
     env: ManipulationEnv, trajectory: Trajectory, step: int, reward: float, flags: Mapping[str, bool]
 ) -> bool:
-    """Whether a step led to the recorded state, reward and flags, bit for bit."""
+    """Whether a step led to the recorded reward and flags, and to the recorded state if that is looked at."""
     if step >= len(trajectory):
         return False
     recording = trajectory.recording
+    is_due = step % _DIGEST_STEPS == 0 or step == len(trajectory) - 1
     return (
-        _digest(env) == recording.digests[step + 1]
-        and reward == recording.rewards[step]
+        reward == recording.rewards[step]
         and list(flags.values()) == recording.flags[step].tolist()
+        and (not is_due or _digest(env) == recording.digests[step + 1])
     )
 
 
