@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from artiskill.demos.collect import collect
@@ -66,3 +67,14 @@ def begin(made: Plan, folder: Path, attempts: int) -> None:
 
     with pytest.raises(Stop):
         collect(made, folder, on_attempt=on_attempt)
+
+
+def put(name: str, change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Any], None]:
+    """What changes one array of a trajectory's group in a file."""
+
+    def do(group: Any) -> None:
+        values = change(group[name][()])
+        del group[name]
+        group[name] = values
+
+    return do

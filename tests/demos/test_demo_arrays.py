@@ -11,16 +11,9 @@ from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.hdf5 import load_h5py
 from artiskill.errors import DemoError
 
+from .conftest import put
+
 ARRAYS = ("actions", "disturbed", "rewards", "flags", "digests", "states", "key_frames")
-
-
-def put(name: str, change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Any], None]:
-    def do(group: Any) -> None:
-        values = change(group[name][()])
-        del group[name]
-        group[name] = values
-
-    return do
 
 
 def wrong(values: np.ndarray) -> np.ndarray:

@@ -20,6 +20,8 @@ from artiskill.demos.replay.training_file import TrainingFile, TrainingFiles
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import DemoError, UnknownNameError
 
+from .conftest import put
+
 NAME = "cabinet-0002.h5"
 
 
@@ -33,15 +35,6 @@ def whole(drawers: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def training(whole: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(whole, tmp_path / "training"))
-
-
-def put(name: str, change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Any], None]:
-    def do(group: Any) -> None:
-        values = change(group[name][()])
-        del group[name]
-        group[name] = values
-
-    return do
 
 
 def nothing(group: Any) -> None:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import artiskill
-from artiskill.geometry.exact import arccos, arcsin, arctan2, dot, exp, power, product, turned
+from artiskill.geometry.arrays import dot
+from artiskill.geometry.exact import arccos, arcsin, arctan2, exp, power, product, turned
 
 SOURCE = Path(artiskill.__file__).parent
 ROOMS = ("geometry", "assets", "robots", "scene", "sim", "sensors", "tasks", "envs")

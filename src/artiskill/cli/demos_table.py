@@ -82,10 +82,10 @@ def print_stats(stats: "Stats") -> None:
         table.add_row(one.object, *_stats_cells(one))
     console = _console()
     console.print(table)
-    trajectories, objects = _number(stats.trajectories, "trajector", "y", "ies"), len(stats.objects)
+    trajectories, objects = _number(stats.trajectories, "trajectory", "trajectories"), len(stats.objects)
     console.print(
         f"[bold]{settings.task}[/bold], {settings.control_mode}: {trajectories} of "
-        f"{_number(objects, 'object')}, {stats.success_rate:.1%} of the attempts solved, "
+        f"{_number(objects, 'object', 'objects')}, {stats.success_rate:.1%} of the attempts solved, "
         f"{stats.mean_length:.1f} steps and {stats.bytes_per_trajectory / 1000:.1f} kB each",
         soft_wrap=True,
     )
@@ -133,8 +133,8 @@ def _trouble(object_id: str, count: "TargetCount") -> str:
     """Why there is less than was wanted, or what had to be tried again."""
     from rich.markup import escape
 
-    solved = f"{count.successes} of {_number(count.wanted, 'trajector', 'y', 'ies')}"
-    tried = _number(count.attempts, "attempt")
+    solved = f"{count.successes} of {_number(count.wanted, 'trajectory', 'trajectories')}"
+    tried = _number(count.attempts, "attempt", "attempts")
     told = [f"given up after {tried}, {solved}"] if count.gave_up else []
     if count.faults:
         faults = ", ".join(f"{number} by {kind}" for kind, number in count.faults.items())
@@ -142,9 +142,9 @@ def _trouble(object_id: str, count: "TargetCount") -> str:
     return f"[bold red]{object_id}, {escape(count.target)}[/]: {'; '.join(told)}"
 
 
-def _number(count: int, stem: str, one: str = "", more: str = "s") -> str:
+def _number(count: int, one: str, more: str) -> str:
     """So many of something."""
-    return f"{count} {stem}{one if count == 1 else more}"
+    return f"{count} {one if count == 1 else more}"
 
 
 def note_versions(folder: Path, settings: "Settings") -> None:

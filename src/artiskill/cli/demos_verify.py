@@ -33,7 +33,7 @@ def add_command(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Simulate, compare, show; the exit status."""
     from artiskill.assets.catalog import load_object
-    from artiskill.cli.demos_table import note_unfinished, print_verdicts
+    from artiskill.cli.demos_table import note_unfinished, note_versions, print_verdicts
     from artiskill.cli.progress import Progress
     from artiskill.demos.demos import find_folders
     from artiskill.demos.manifest import read_manifest
@@ -51,7 +51,5 @@ def run(arguments: argparse.Namespace) -> int:
     print_verdicts(verdicts)
     for folder in folders:
         note_unfinished(folder)
-        differing = read_manifest(folder).settings.other_versions
-        if differing:
-            print(f"{folder} was collected with other versions, which may give other bits: {differing}")
+        note_versions(folder, read_manifest(folder).settings)
     return EXIT_FAULTS if any(verdict.faults for verdict in verdicts) else 0

@@ -14,8 +14,6 @@ import numpy as np
 
 from artiskill.geometry.arrays import Array, dot, namespace
 
-__all__ = ["arccos", "arcsin", "arctan2", "dot", "exp", "power", "product", "turned"]
-
 _NUMPY = (np.ndarray, np.generic, float, int)  # and single numbers
 
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from artiskill.geometry.arrays import Array, greatest, namespace
-from artiskill.geometry.exact import dot, product
+from artiskill.geometry.arrays import Array, dot, greatest, namespace
+from artiskill.geometry.exact import product
 from artiskill.geometry.meshes import TriMesh
 
 

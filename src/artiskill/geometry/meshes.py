@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from artiskill.geometry.arrays import norm
-from artiskill.geometry.exact import dot, power, product
+from artiskill.geometry.arrays import dot, norm
+from artiskill.geometry.exact import power, product
 from artiskill.geometry.rotations import quat_to_matrix
 
 

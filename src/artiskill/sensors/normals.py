@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from artiskill.geometry.exact import arccos, dot
+from artiskill.geometry.arrays import dot
+from artiskill.geometry.exact import arccos
 from artiskill.geometry.meshes import TriMesh
 
 

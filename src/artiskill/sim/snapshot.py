@@ -7,8 +7,8 @@ one step ago are part of it, so that asking twice answers the same.
 from dataclasses import dataclass, fields
 from functools import cached_property
 
-from artiskill.geometry.arrays import Array, clamp, namespace, norm
-from artiskill.geometry.exact import arccos, dot
+from artiskill.geometry.arrays import Array, clamp, dot, namespace, norm
+from artiskill.geometry.exact import arccos
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.geometry.arrays import Array, least, namespace
-from artiskill.geometry.exact import dot, turned
+from artiskill.geometry.arrays import Array, dot, least, namespace
+from artiskill.geometry.exact import turned
 from artiskill.geometry.kernel import kernel
 from artiskill.geometry.meshes import sample_surface, triangle_areas
 from artiskill.sim.snapshot import Snapshot

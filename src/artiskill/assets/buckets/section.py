@@ -8,7 +8,8 @@ from functools import cache
 import numpy as np
 
 from artiskill.assets.buckets.spec import Section
-from artiskill.geometry.exact import dot, product
+from artiskill.geometry.arrays import dot
+from artiskill.geometry.exact import product
 
 ROUND_POINTS = 40
 ROUND_WALLS = 12

@@ -7,8 +7,8 @@ import numpy as np
 
 from artiskill.assets.articulated_object import CollisionShape
 from artiskill.assets.chairs.pads import hull_shape
-from artiskill.geometry.arrays import norm
-from artiskill.geometry.exact import dot, product
+from artiskill.geometry.arrays import dot, norm
+from artiskill.geometry.exact import product
 from artiskill.geometry.meshes import TriMesh, loft, superellipse, tube
 from artiskill.geometry.rotations import quat_from_matrix
 

@@ -27,10 +27,8 @@ class Sight:
     def __init__(self, episodes: Episodes, observer: VectorObserver, gives_copies: bool) -> None:
         self._episodes, self._observer, self._gives_copies = episodes, observer, gives_copies
         self._count, self._is_closed = len(episodes.levels), False
-        self.arrays, self.stale = (
-            empty_observation(observer.space, (self._count,)),
-            np.ones(self._count, dtype=bool),
-        )
+        self.arrays = empty_observation(observer.space, (self._count,))
+        self.stale = np.ones(self._count, dtype=bool)
         for env in range(self._count if episodes.begun else 0):
             self.enter(env)
 

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from artiskill.geometry.arrays import Array, clamp, greatest, namespace
-from artiskill.geometry.exact import arccos, dot, product
+from artiskill.geometry.arrays import Array, clamp, dot, greatest, namespace
+from artiskill.geometry.exact import arccos, product
 from artiskill.geometry.kernel import kernel
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet.goal import OpenGoal
