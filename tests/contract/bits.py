@@ -1,10 +1,16 @@
-"""Digests of all that follows from seeds, levels and actions: `python -m tests.contract.bits few` prints them."""
+"""Digests of all that follows from seeds, levels and actions.
+
+`python -m tests.contract.bits few` prints them; `record` in place of `few` writes them to `digests.json`, with
+which every Python is compared. A change that is meant to change bits records them anew; the CHANGELOG says so.
+"""
 
 import dataclasses
 import hashlib
 import json
 import sys
 from collections.abc import Iterator, Mapping
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -14,6 +20,7 @@ import artiskill
 
 # objects whose hash, which rounds, once differed between processors all the same
 ONCE_UNLIKE = ("chair-0004", "chair-0023", "chair-0028", "chair-0032", "chair-0033", "chair-0034")
+RECORDED = Path(__file__).with_name("digests.json")
 STEPS = {"state": 25, "pointcloud": 4, "rgbd": 4}
 
 Episode = tuple[str, str, str, str]  # task, object, obs_mode, control_mode
@@ -23,7 +30,8 @@ def few() -> tuple[list[str], list[Episode]]:
     """Every twentieth object, and a short episode of each task."""
     every = artiskill.list_objects()
     episodes = [(task, ids[-1], "state", "operational_space") for task, ids in of_tasks()]
-    return [*every[::20], *ONCE_UNLIKE], [*episodes, ("PushChair", "chair-0004", "pointcloud", "joint")]
+    seen = [("PushChair", "chair-0004", "pointcloud", "joint"), ("OpenCabinetDrawer", every[0], "rgbd", "joint")]
+    return [*every[::20], *ONCE_UNLIKE], [*episodes, *seen]
 
 
 def whole() -> tuple[list[str], list[Episode]]:
@@ -101,5 +109,14 @@ def probes() -> dict[str, str]:
     return {"numpy": digest([np.exp(values), np.arccos(values), np.tanh(values)]), "blas": digest(products)}
 
 
+def record() -> None:
+    """Write the digests of `few`, and the engine that they are of, to `RECORDED`."""
+    found = {"mujoco-core": version("mujoco-core"), "digests": digests(*few())}
+    RECORDED.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+
+
 if __name__ == "__main__":
-    print(json.dumps({"digests": digests(*(few() if sys.argv[1] == "few" else whole())), "probes": probes()}))
+    if sys.argv[1] == "record":
+        record()
+    else:
+        print(json.dumps({"digests": digests(*(few() if sys.argv[1] == "few" else whole())), "probes": probes()}))

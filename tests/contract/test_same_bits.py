@@ -1,7 +1,8 @@
-"""The same bits on other processors: NumPy and BLAS are told to do without what this processor has.
+"""The same bits on every Python, which digests in the repository show, and on other processors.
 
-Both choose their code when they are imported, hence the processes. Where a switch changes nothing (another NumPy,
-an older processor), there is nothing to see, and the test is skipped.
+For the latter, NumPy and BLAS are told to do without what this processor has. Both choose their code when they are
+imported, hence the processes. Where a switch changes nothing (another NumPy, an older processor), there is nothing
+to see, and the test is skipped.
 """
 
 import json
@@ -9,6 +10,7 @@ import os
 import subprocess
 import sys
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,7 @@ import pytest
 
 import artiskill
 
-from .bits import digests, few, probes, whole
+from .bits import RECORDED, digests, few, probes, whole
 
 ROOT = Path(__file__).resolve().parents[2]
 PACK = Path(artiskill.__file__).parent / "demos" / "pack"
@@ -46,6 +48,18 @@ def environment(processor: str) -> dict[str, str]:
 @cache
 def here(size: str) -> dict[str, str]:
     return digests(*(few() if size == "few" else whole()))
+
+
+def test_objects_and_episodes_have_the_bits_that_are_recorded() -> None:
+    """One Python alone notices that it computes something else than the others."""
+    recorded = json.loads(RECORDED.read_text(encoding="utf-8"))
+    unlike = [name for name, value in recorded["digests"].items() if here("few").get(name) != value]
+    if unlike and recorded["mujoco-core"] != version("mujoco-core"):
+        unlike = [name for name in unlike if name.startswith("object ")]
+        if not unlike:
+            pytest.skip(f"recorded with mujoco-core {recorded['mujoco-core']}, not {version('mujoco-core')}")
+    assert recorded["digests"].keys() == here("few").keys()
+    assert not unlike, "if bits are meant to change: python -m tests.contract.bits record"
 
 
 @pytest.mark.parametrize(

@@ -39,4 +39,4 @@ def check_weights(weights: Mapping[str, float], legal: tuple[str, ...], where: s
     for name, weight in weights.items():
         check(name in legal, f"{where}: unknown name {name!r}; legal: {', '.join(legal)}")
         check(weight >= 0, f"{where}: the weight of {name!r} must be at least 0, not {weight!r}")
-    check(sum(weights.values()) > 0, f"{where}: at least one weight must be above 0")
+    check(any(weights.values()), f"{where}: at least one weight must be above 0")

@@ -163,8 +163,8 @@ def _wanted_doors(selection: Selection) -> dict[str, dict[Hashable, int]]:
     wanted: dict[str, dict[Hashable, int]] = {}
     for split in BENCHMARK_SPLITS:
         chosen = [selection.object(key) for key, name in selection.splits.items() if name == split]
-        have = [n for n in (len(obj.target_links("revolute")) for obj in chosen) if n > 0]
-        objects, doors = DOOR_TOTALS[split][0] - len(have), DOOR_TOTALS[split][1] - sum(have)
+        have = [links for obj in chosen if (links := obj.target_links("revolute"))]
+        objects, doors = DOOR_TOTALS[split][0] - len(have), DOOR_TOTALS[split][1] - sum(map(len, have))
         assert 0 <= objects <= doors <= 2 * objects, f"{split}: {objects} cabinets cannot share {doors} doors"
         wanted[split] = {1: 2 * objects - doors, 2: doors - objects}
     return wanted

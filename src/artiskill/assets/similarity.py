@@ -14,6 +14,7 @@ import numpy as np
 from artiskill.assets.articulated_object import ArticulatedObject, Category
 from artiskill.assets.kinematics import joint_values, link_poses
 from artiskill.config import check_positive
+from artiskill.geometry.exact import total
 from artiskill.geometry.meshes import TriMesh, merge
 from artiskill.geometry.surfaces import Surface, make_surface
 
@@ -151,7 +152,7 @@ def _rough(first: Descriptor, second: Descriptor) -> float:
     """A cheap estimate of the distance."""
     ways = ((first, second), (second, first))
     return (
-        sum(_one_way(a.points[:: len(a.points) // _COARSE_POINTS or 1], b, _COARSE_CANDIDATES) for a, b in ways)
+        total(_one_way(a.points[:: len(a.points) // _COARSE_POINTS or 1], b, _COARSE_CANDIDATES) for a, b in ways)
         / 2
     )
 

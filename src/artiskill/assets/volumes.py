@@ -6,6 +6,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from artiskill.assets.articulated_object import CollisionShape
+from artiskill.geometry.exact import total
 from artiskill.geometry.hulls import convex_hull
 from artiskill.geometry.rotations import quat_rotate
 
@@ -26,7 +27,7 @@ def shape_volume_m3(shape: CollisionShape) -> float:
 
 def shapes_volume_m3(shapes: Iterable[CollisionShape]) -> float:
     """Sum of volumes, as the engine counts it: where shapes overlap, twice."""
-    return sum(shape_volume_m3(shape) for shape in shapes)
+    return total(shape_volume_m3(shape) for shape in shapes)
 
 
 def first_moment_m4(shapes: Iterable[CollisionShape]) -> np.ndarray:

@@ -280,7 +280,6 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
         flags = self.task.flags(self.snapshot, self._goal) if flags is None else flags
         terms = self.task.reward_terms(self.snapshot, self._goal, flags)
         values = {name: value.item() for name, value in terms.items()}
-        weights = self.task.reward_weights
         counted = self._progress.counted[0].tolist()
         assert self._simulation is not None
         info = {
@@ -291,4 +290,4 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
             "flags": dict(zip(self._progress.flag_names, counted, strict=True)),
             "reward_terms": values,
         }
-        return info, sum(weight * values[name] for name, weight in weights.items())
+        return info, self.task.dense_reward(values)

@@ -3,11 +3,12 @@
 NumPy chooses its code by processor where it computes `exp`, `power`, `arctan2`, `arccos` and their like, and hands
 `@`, `dot`, `vecdot` and `linalg` to BLAS, which does so too: other instructions, other last bits. Sums in a fixed
 order and the C library's functions, one number at a time, are the same on all that have AVX2 and FMA. (`+ - * /`,
-`sqrt`, `sin`, `cos`, `hypot` and sums over an axis are so in NumPy itself.)
+`sqrt`, `sin`, `cos`, `hypot` and sums over an axis are so in NumPy itself.) Python's own `sum`
+compensates for rounding since 3.12; `total` does so in no version.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,14 @@ import numpy as np
 from artiskill.geometry.arrays import Array, dot, namespace
 
 _NUMPY = (np.ndarray, np.generic, float, int)  # and single numbers
+
+
+def total(values: Iterable[Any]) -> Any:
+    """Return the sum of numbers or of arrays of one shape, added plainly from first to last; 0.0 of none."""
+    found: Any = 0.0
+    for value in values:
+        found = found + value
+    return found
 
 
 def product(a: Array, b: Array) -> Array:

@@ -193,5 +193,5 @@ def _resolve(model: Any, robot: RobotPart, obj: ObjectPart, places: int, sensors
 
 def _runs(*sizes: int, total: int) -> list[slice]:
     """Slices of so many numbers each, one after the other; a last one has the rest."""
-    ends = np.cumsum((0, *sizes, total - sum(sizes))).tolist()
-    return [slice(start, stop) for start, stop in pairwise(ends)]
+    ends = np.cumsum((0, *sizes)).tolist()
+    return [slice(start, stop) for start, stop in pairwise((*ends, total))]

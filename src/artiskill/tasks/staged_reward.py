@@ -27,6 +27,7 @@ import numpy as np
 
 from artiskill.config import check
 from artiskill.geometry.arrays import Array, clamp, least, namespace
+from artiskill.geometry.exact import total
 from artiskill.geometry.kernel import kernel
 
 # A stage's best state comes this near to the next stage's worst, relative to the step: never equal, never a jump.
@@ -163,7 +164,7 @@ class StageTable:
         finite = len(bonus) == count and all(map(math.isfinite, bonus))
         check(finite, f"reward.stage_bonus needs {count} finite numbers, not {list(bonus)}")
         for k, stage in enumerate(self.stages[:-1]):
-            most = sum(weights.get(name, 0.0) for name in stage.asks)
+            most = total(weights.get(name, 0.0) for name in stage.asks)
             step = (bonus[k + 1] - bonus[k]) * weights.get(STAGE_TERM, 0.0)
             check(
                 step > most,

@@ -7,7 +7,7 @@ import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.geometry.arrays import Array, dot, least, namespace
-from artiskill.geometry.exact import turned
+from artiskill.geometry.exact import total, turned
 from artiskill.geometry.kernel import kernel
 from artiskill.geometry.meshes import sample_surface, triangle_areas
 from artiskill.sim.snapshot import Snapshot
@@ -24,7 +24,7 @@ def surface_samples(obj: ArticulatedObject) -> tuple[np.ndarray, np.ndarray]:
         (POINTS, 3) in the frame of their link, and (POINTS,) the index of that link.
     """
     rng = np.random.default_rng(0)  # fixed: the points are a property of the object
-    areas = np.array([sum(float(triangle_areas(v.mesh).sum()) for v in link.visuals) for link in obj.links])
+    areas = np.array([total(float(triangle_areas(v.mesh).sum()) for v in link.visuals) for link in obj.links])
     ends = np.round(np.cumsum(areas / areas.sum()) * POINTS).astype(int)
     counts = np.diff(ends, prepend=0)
     points = [

@@ -8,6 +8,7 @@ import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, Category
 from artiskill.geometry.arrays import Array
+from artiskill.geometry.exact import total
 from artiskill.robots.config import RobotConfig
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.props import Prop
@@ -78,9 +79,6 @@ class Task:
     mask_names: tuple[str, ...]
     masks: Callable[[Scene, str], np.ndarray]
 
-    def dense_reward(self, terms: Mapping[str, Array]) -> np.ndarray:
-        """(B,) the weighted sum of reward terms, as `reward_terms` gives them on NumPy."""
-        total = np.zeros(len(next(iter(terms.values()))))
-        for name, weight in self.reward_weights.items():
-            total += weight * terms[name]
-        return total
+    def dense_reward(self, terms: Mapping[str, Array]) -> Array:
+        """Return the weighted sum of reward terms: (B,) of such arrays, a number of numbers, the same bits."""
+        return total(weight * terms[name] for name, weight in self.reward_weights.items())

@@ -150,8 +150,8 @@ class BucketConfig:
             text = f"family {family.name!r}: unknown material {family.material!r}; legal: {', '.join(names)}"
             check(family.material in names, text)
         for held_out in (False, True):
-            total = sum(family.weight for family in self.families_of(held_out))
-            check(total > 0, f"families: at least one weight must be above 0 where held_out is {held_out}")
+            weights = [family.weight for family in self.families_of(held_out)]
+            check(any(weights), f"families: at least one weight must be above 0 where held_out is {held_out}")
 
     def families_of(self, held_out: bool) -> tuple[FamilyConfig, ...]:
         """The families of training and test objects, or the held-out ones."""

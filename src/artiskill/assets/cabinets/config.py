@@ -216,7 +216,7 @@ class CabinetConfig:
         check_weights(self.leg_shapes, LEG_SHAPES, "leg_shapes")
         for held_out, name in ((False, "training"), (True, "held out")):
             weights = [f.weight for f in self.families if f.held_out == held_out]
-            check(sum(weights) > 0, f"families: at least one weight must be above 0 ({name})")
+            check(any(weights), f"families: at least one weight must be above 0 ({name})")
         check(self.gap_m[0] >= 0.002, f"gap_m must be at least 0.002, not {self.gap_m[0]!r}: fronts would touch")
         check(self.door_limit_deg[1] <= 175, f"door_limit_deg must stay below 175, not {self.door_limit_deg[1]!r}")
         check(self.travel_fraction[1] <= 1, f"travel_fraction must stay within 1, not {self.travel_fraction[1]!r}")

@@ -5,14 +5,15 @@ from collections.abc import Sequence
 from artiskill.assets.articulated_object import Handle, Link
 from artiskill.assets.cabinets.spec import CabinetSpec
 from artiskill.assets.volumes import shapes_volume_m3
+from artiskill.geometry.exact import total
 
 
 def cabinet_facts(spec: CabinetSpec, links: Sequence[Link], handles: Sequence[Handle]) -> dict[str, object]:
     """Metadata of a built cabinet."""
-    mass = sum(link.density_kg_m3 * shapes_volume_m3(link.collisions) for link in links)
+    mass = total(link.density_kg_m3 * shapes_volume_m3(link.collisions) for link in links)
     kinds = sorted({handle.kind for handle in handles})
     faces: list[str] = sorted({cell.face for cell in spec.cells if cell.kind != "open"})
-    flaps = sum(cell.hinge in ("top", "bottom") for cell in spec.cells)
+    flaps = len([cell for cell in spec.cells if cell.hinge in ("top", "bottom")])
     return {
         "source": "generated",
         "family": spec.family,

@@ -27,7 +27,7 @@ class Composer:
     def compose(self, width: float, height: float, depth: int = 0) -> Node:
         """What a clear region of this size becomes."""
         weights = {k: w for k, w in self._family.layouts.items() if self._fits(k, width, height, depth)}
-        kind = pick(self._rng, weights) if sum(weights.values()) > 0 else "open"
+        kind = pick(self._rng, weights) if any(weights.values()) else "open"
         if kind == "columns":
             return self._columns(width, height, depth)
         if kind == "rows":

@@ -244,7 +244,7 @@ class CabinetSpec:
 
     def count(self, kind: CellKind) -> int:
         """How many cells are of a kind."""
-        return sum(cell.kind == kind for cell in self.cells)
+        return [cell.kind for cell in self.cells].count(kind)
 
     def handle_of(self, cell: Cell) -> HandleModel:
         """The model that a door or a drawer carries."""

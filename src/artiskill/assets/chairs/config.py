@@ -192,8 +192,8 @@ class ChairConfig:
     def __post_init__(self) -> None:
         check_ranges(self, "chair", zero=True)
         for held_out in (False, True):
-            weight = sum(f.weight for f in self.families if f.held_out == held_out)
-            check(weight > 0, f"families: at least one with held_out {held_out} needs a weight above 0")
+            weights = [f.weight for f in self.families if f.held_out == held_out]
+            check(any(weights), f"families: at least one with held_out {held_out} needs a weight above 0")
         check(set(self.seats) >= set(SEATS), f"seats needs the keys {', '.join(SEATS)}")
         check(set(self.backs) >= set(BACKS), f"backs needs the keys {', '.join(BACKS)}")
 
