@@ -6,6 +6,7 @@ holds values only; which keys exist, their types and their meaning stand in the 
 
 import dataclasses
 import difflib
+import json
 import math
 import re
 import types
@@ -90,6 +91,23 @@ def to_mapping(config: Any) -> Any:
     if isinstance(config, list | tuple):
         return [to_mapping(v) for v in config]
     return config
+
+
+def differing(mine: Mapping[str, Any], theirs: Mapping[str, Any], prefix: str = "") -> list[str]:
+    """What is not the same in two nested mappings of plain values, a text each."""
+    found = []
+    for key in dict.fromkeys((*mine, *theirs)):
+        one, other = mine.get(key), theirs.get(key)
+        if isinstance(one, Mapping) and isinstance(other, Mapping):
+            found += differing(one, other, f"{prefix}{key}.")
+        elif one != other:
+            found.append(f"{prefix}{key} {_text(one)} there, {_text(other)} here")
+    return found
+
+
+def _text(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) < 60 else f"{text[:56]} ..."
 
 
 def dump_yaml(config: Any) -> str:

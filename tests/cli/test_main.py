@@ -129,6 +129,22 @@ def test_a_failing_solution_leaves_nothing(tmp_path: Path, capsys: Capture) -> N
     assert [path.name for path in tmp_path.iterdir()] == ["solution.py"]
 
 
+def test_an_earlier_report_is_not_taken_for_that_of_a_run_that_failed(tmp_path: Path, capsys: Capture) -> None:
+    """Not even where a policy ends with the exit status of success."""
+    solution, out = tmp_path / "solution.py", tmp_path / "out"
+    assert main(["evaluate", "--policy", "still", *SMALL, "--out", str(out), "--set", "episode_steps=2"]) == 0
+    before = (out / "report.json").read_bytes()
+    capsys.readouterr()
+    for text in ("import os\ndef policy(observation):\n    os._exit(0)\n", "import os\nos._exit(0)\n"):
+        solution.write_text(text)
+        assert main(["evaluate", "--policy", str(solution), *SMALL, "--out", str(out)]) == 2
+        shown = capsys.readouterr()
+        assert shown.out == ""
+        assert "a worker process ended by itself (exit status 0)" in shown.err
+        assert f"note: {out}/report.json is of an earlier evaluation\n" in shown.err
+        assert (out / "report.json").read_bytes() == before
+
+
 def test_only_one_evaluation_per_folder(tmp_path: Path, capsys: Capture) -> None:
     with reserved(tmp_path):
         assert main(["evaluate", "--policy", "random", *SMALL, "--out", str(tmp_path)]) == 2
@@ -164,14 +180,14 @@ def test_help_is_light_and_quick() -> None:
     assert done.stdout.splitlines()[-1] == "heavy:"
 
 
-def busy_processes(group: int) -> list[str]:
-    """State lines of the processes of a group that compute."""
+def processes_of(session: int) -> list[str]:
+    """State lines of the processes that are left of a session."""
     lines = []
     for path in Path("/proc").glob("[0-9]*/stat"):
         with suppress(OSError):
             lines.append(path.read_text())
     fields = {line: line.rpartition(")")[2].split() for line in lines}
-    return [line for line, (state, _, its_group, *_) in fields.items() if state == "R" and int(its_group) == group]
+    return [line for line, (state, _, _, its, *_) in fields.items() if state != "Z" and int(its) == session]
 
 
 @contextmanager
@@ -213,20 +229,25 @@ def test_ctrl_c_is_quiet(tmp_path: Path, workers: int) -> None:
     assert time.perf_counter() - start < 5  # one episode at most, not all that were planned
     assert process.returncode == 130
     assert (shown, error) == ("", "")
+    assert not processes_of(process.pid)
 
 
-def test_ctrl_c_ends_a_policy_that_hangs(tmp_path: Path) -> None:
+@pytest.mark.parametrize("workers", [1, 2])
+def test_ctrl_c_ends_a_policy_that_hangs(tmp_path: Path, workers: int) -> None:
+    """Whatever it does about the signal, which it never sees."""
     arguments = ["--objects", "cabinet-0005", "cabinet-0010"]
-    with evaluation(tmp_path, "    while True:\n        pass\n", 2, *arguments) as process:
+    hang = "    import signal\n    signal.signal(signal.SIGTERM, signal.SIG_IGN)\n    while True:\n        pass\n"
+    with evaluation(tmp_path, hang, workers, *arguments) as process:
         process.send_signal(signal.SIGINT)
         start = time.perf_counter()
         shown, error = process.communicate(timeout=60)
         seconds = time.perf_counter() - start
-        time.sleep(0.5)  # Python's own helper process ends a little later
-        assert not busy_processes(process.pid)
+        assert not processes_of(process.pid)
     assert seconds < 10
     assert process.returncode == 130
-    named = "; ".join(f"{tmp_path}/solution.py, object {name}" for name in ("cabinet-0005", "cabinet-0010"))
+    named = "; ".join(
+        f"{tmp_path}/solution.py, object {name}" for name in ("cabinet-0005", "cabinet-0010")[:workers]
+    )
     assert error == f"interrupted: ended workers that did not stop by themselves ({named})\n"
     assert shown == ""
 

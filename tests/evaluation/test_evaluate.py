@@ -55,6 +55,7 @@ def test_the_report_has_what_the_schema_says(report: Report) -> None:
         "interval",
         "flags",
         "mean_length",
+        "faults",
     }
     assert [row.keys() for row in mapping["objects"]] == [keys, keys]
     assert [row["object"] for row in mapping["objects"]] == OBJECTS

@@ -1,7 +1,11 @@
 """`artiskill evaluate`: a policy's success on many objects, shown, written down and filmed."""
 
 import argparse
-from contextlib import nullcontext
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -47,6 +51,9 @@ def add_command(commands: Any) -> None:
     parser.add_argument(
         "--step-timeout", type=float, metavar="SECONDS", help="time limit for each action (default: none)"
     )
+    parser.add_argument(
+        "--load-timeout", type=float, default=120.0, metavar="SECONDS", help="to load a solution (default: 120)"
+    )
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="write report.json, .csv, .md and more here")
     parser.add_argument("--video", type=Path, metavar="FILE", help="film episodes: .gif, .webp or .mp4")
     parser.add_argument("--video-episodes", type=int, default=3, help="how many objects to film (default: 3)")
@@ -55,11 +62,13 @@ def add_command(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Check everything, evaluate, write, film, and show the table."""
-    from artiskill.cli.parser import overrides_of
+    from artiskill.jobs.fork_server import fork_server
+
+    if arguments.workers != 1 or arguments.policy.endswith(".py"):  # it imports while this process does
+        fork_server().prepare(partial(import_module, "artiskill.evaluation.evaluate"))
     from artiskill.evaluation.evaluate import check_workers
-    from artiskill.evaluation.plan import make_plan
     from artiskill.evaluation.recording import check_video
-    from artiskill.evaluation.report_files import check_report_folder
+    from artiskill.evaluation.report_files import check_report_folder, write_files
     from artiskill.jobs.parallel import available_cores
     from artiskill.jobs.reservation import reserved
 
@@ -67,7 +76,36 @@ def run(arguments: argparse.Namespace) -> None:
         check_video(arguments.video, arguments.video_episodes)
     if arguments.out is not None:
         check_report_folder(arguments.out)
-    plan = make_plan(
+    with _earlier_report_told(arguments.out):
+        plan = _plan(arguments)
+        workers = available_cores() if arguments.workers is None else arguments.workers
+        check_workers(plan, workers, arguments.step_timeout)
+    with nullcontext() if arguments.out is None else reserved(arguments.out):
+        with _earlier_report_told(arguments.out):
+            report = _evaluate(arguments, plan, workers)
+            if arguments.out is not None:
+                write_files(report, arguments.out)
+                print(f"report: {arguments.out}/report.md")
+        if arguments.video is not None:
+            _film(arguments, plan, workers)
+
+
+@contextmanager
+def _earlier_report_told(folder: Path | None) -> Iterator[None]:
+    """Where an evaluation fails, say whether the report in its folder is another one's."""
+    try:
+        yield
+    except BaseException:  # Ctrl-C, too
+        if folder is not None and (folder / "report.json").is_file():
+            print(f"note: {folder}/report.json is of an earlier evaluation", file=sys.stderr)
+        raise
+
+
+def _plan(arguments: argparse.Namespace) -> "Plan":
+    from artiskill.cli.parser import overrides_of
+    from artiskill.evaluation.plan import make_plan
+
+    return make_plan(
         task=arguments.task,
         policy=arguments.policy,
         objects=arguments.objects,
@@ -77,12 +115,8 @@ def run(arguments: argparse.Namespace) -> None:
         obs_mode=arguments.obs_mode,
         control_mode=arguments.control_mode,
         config=overrides_of(arguments.set),
+        load_timeout_s=arguments.load_timeout,
     )
-    workers = available_cores() if arguments.workers is None else arguments.workers
-    check_workers(plan, workers, arguments.step_timeout)
-    with nullcontext() if arguments.out is None else reserved(arguments.out):
-        report = _evaluate(arguments, plan, workers)
-        _write(arguments, plan, report, workers)
 
 
 def _evaluate(arguments: argparse.Namespace, plan: "Plan", workers: int) -> "Report":
@@ -96,23 +130,18 @@ def _evaluate(arguments: argparse.Namespace, plan: "Plan", workers: int) -> "Rep
     return report
 
 
-def _write(arguments: argparse.Namespace, plan: "Plan", report: "Report", workers: int) -> None:
+def _film(arguments: argparse.Namespace, plan: "Plan", workers: int) -> None:
     from artiskill.cli.progress import Progress
     from artiskill.evaluation.recording import record_video
-    from artiskill.evaluation.report_files import write_files
 
-    if arguments.out is not None:
-        write_files(report, arguments.out)
-        print(f"report: {arguments.out}/report.md")
-    if arguments.video is not None:
-        count = min(arguments.video_episodes, len(plan.batches))
-        with Progress("filming", count, "episodes") as progress:
-            record_video(
-                plan,
-                arguments.video,
-                count,
-                workers,
-                lambda news: progress.advance() if news.done else None,
-                arguments.step_timeout,
-            )
-        print(f"video: {arguments.video}")
+    count = min(arguments.video_episodes, len(plan.batches))
+    with Progress("filming", count, "episodes") as progress:
+        record_video(
+            plan,
+            arguments.video,
+            count,
+            workers,
+            lambda news: progress.advance() if news.done else None,
+            arguments.step_timeout,
+        )
+    print(f"video: {arguments.video}")

@@ -20,6 +20,8 @@ def print_report(report: "Report") -> None:
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else _PIPED_WIDTH
     console = Console(width=width, highlight=False)
     console.print(report_table(report))
+    if report.total.faults:
+        console.print(report.total.faults_text, soft_wrap=True)
     low, high = report.total.interval
     console.print(
         f"[bold]{report.task}[/bold], policy {escape(report.policy)}: "

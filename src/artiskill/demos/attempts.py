@@ -14,7 +14,17 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ArtiSkillError, DivergedError, PolicyError
 
 # what becomes of single episodes; anything else is a fault of the program, and ends the collection
-_FAULTS = (DivergedError, ArithmeticError, np.linalg.LinAlgError)
+FAULTS = (DivergedError, ArithmeticError, np.linalg.LinAlgError)
+
+
+def fault_text(error: BaseException) -> str:
+    """What ended an episode, as reports and tables of attempts have it; it begins with the kind."""
+    return f"{type(error).__name__}: {error}"
+
+
+def fault_kind(text: str) -> str:
+    """`DivergedError`, say; empty where nothing did."""
+    return text.partition(":")[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +93,8 @@ def make_attempt(
     episode = f"object {name}, target {block.target}, level {level}"
     try:
         recording = record(env, obj, level, block.target, player, settings.store)
-    except _FAULTS as error:
-        return Attempt(name, block.target, level, False, 0, f"{type(error).__name__}: {error}", None)
+    except FAULTS as error:
+        return Attempt(name, block.target, level, False, 0, fault_text(error), None)
     except ArtiSkillError as error:
         raise PolicyError(f"{episode}: {error}") from error
     except Exception as error:

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from artiskill.assets.catalog import load_object
-from artiskill.demos.attempts import Attempt, Block, run_block
+from artiskill.demos.attempts import Attempt, Block, fault_kind, run_block
 from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.header import TargetCount
 from artiskill.demos.json_files import MANIFEST
@@ -185,7 +185,7 @@ class Collection:
                 "removed while others were made; the same command makes them again"
             )
         attempts = [known[key] for key in counted]
-        faults = {key: attempt.fault.partition(":")[0] for key, attempt in known.items()}
+        faults = {key: fault_kind(attempt.fault) for key, attempt in known.items()}
         counts = tuple(_count(stream, faults) for stream in streams)
         obj = load_object(one.item) if isinstance(one.item, str) else one.item
         header = make_header(obj, self._plan.settings, counts, self._plan.flag_names, attempts)

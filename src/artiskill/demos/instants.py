@@ -7,8 +7,8 @@ import numpy as np
 
 from artiskill.demos.columns import Columns
 from artiskill.demos.config import StoreConfig
+from artiskill.demos.settings import Settings
 from artiskill.envs.state import EnvState
-from artiskill.scene.physics import PhysicsConfig
 from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import SimulationState
 
@@ -67,10 +67,15 @@ def simulation_arrays(state: SimulationState) -> dict[str, np.ndarray]:
     return {name: value[0] for name, value in values.items() if isinstance(value, np.ndarray)}
 
 
-def simulation_state(arrays: dict[str, np.ndarray], object_hash: str, physics: PhysicsConfig) -> SimulationState:
-    """The state whose `simulation_arrays` these are."""
+def simulation_state(arrays: dict[str, np.ndarray], object_hash: str, settings: Settings) -> SimulationState:
+    """The state whose `simulation_arrays` these are, of an object in a collection with these settings.
+
+    Raises:
+        DemoError: this version of the package has no such task.
+    """
     batch = {name: value[None].copy() for name, value in arrays.items()}
-    return SimulationState(**batch, object_hash=object_hash, physics=physics)
+    robot, physics, props = settings.setup
+    return SimulationState(**batch, object_hash=object_hash, robot=robot, physics=physics, props=props)
 
 
 def digest_of(state: SimulationState) -> int:

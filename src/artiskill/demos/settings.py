@@ -2,15 +2,18 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
-from artiskill.config import from_mapping, to_mapping
+from artiskill.config import differing, to_mapping
 from artiskill.demos.config import PatienceConfig, StoreConfig
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
 from artiskill.errors import ArtiSkillError, DemoError
+from artiskill.robots.config import RobotConfig
 from artiskill.scene.physics import PhysicsConfig
+from artiskill.scene.props import Prop
+from artiskill.sim.state_checks import touched_props
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Task
 from artiskill.versions import versions
@@ -76,10 +79,15 @@ class Settings:
         """The task's configuration as `make_task` takes it."""
         return {key: value for key, value in self.config.items() if key not in _NAMES}
 
-    @property
-    def physics(self) -> PhysicsConfig:
-        """How it was simulated."""
-        return from_mapping(PhysicsConfig, self.config["physics"])
+    @cached_property
+    def setup(self) -> tuple[RobotConfig, PhysicsConfig, tuple[Prop, ...]]:
+        """What states depend on beside the object: robot, physics, and the props that can be touched.
+
+        Raises:
+            DemoError: this version of the package has no such task.
+        """
+        task = self._task()
+        return task.robot, task.physics, touched_props(task.props)
 
     def make_task(self) -> Task:
         """The task as it was.
@@ -87,16 +95,19 @@ class Settings:
         Raises:
             DemoError: this version of the package makes another one of the same configuration.
         """
-        try:
-            task = make_task(self.task, self.overrides)
-        except ArtiSkillError as error:
-            raise DemoError(f"this version of artiskill has no such task as was demonstrated: {error}") from error
+        task = self._task()
         if task_hash(task) != self.config_hash:
             raise DemoError(
                 f"this version of artiskill makes another {self.task} of the same configuration: its hash is "
                 f"{task_hash(task)}, that of the demonstrations {self.config_hash}"
             )
         return task
+
+    def _task(self) -> Task:
+        try:
+            return make_task(self.task, self.overrides)
+        except ArtiSkillError as error:
+            raise DemoError(f"this version of artiskill has no such task as was demonstrated: {error}") from error
 
     def make_env(self, objects: ObjectChoice, obs_mode: str = "state", **options: Any) -> ManipulationEnv:
         """An environment of this task and control mode.
@@ -138,20 +149,3 @@ def mapping_hash(values: Any) -> str:
 def plain(config: Any) -> Any:
     """A configuration as it is after a journey through JSON."""
     return json.loads(json.dumps(to_mapping(config)))
-
-
-def differing(mine: Mapping[str, Any], theirs: Mapping[str, Any], prefix: str = "") -> list[str]:
-    """What is not the same in two nested mappings, a text each."""
-    found = []
-    for key in dict.fromkeys((*mine, *theirs)):
-        one, other = mine.get(key), theirs.get(key)
-        if isinstance(one, Mapping) and isinstance(other, Mapping):
-            found += differing(one, other, f"{prefix}{key}.")
-        elif one != other:
-            found.append(f"{prefix}{key} {_text(one)} there, {_text(other)} here")
-    return found
-
-
-def _text(value: Any) -> str:
-    text = json.dumps(value)
-    return text if len(text) < 60 else f"{text[:56]} ..."

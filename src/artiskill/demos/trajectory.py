@@ -129,7 +129,7 @@ class Trajectory:
             object=header.object,
             target=self.target,
             level=self.level,
-            simulation=simulation_state(arrays, header.content_hash, header.settings.physics),
+            simulation=simulation_state(arrays, header.content_hash, header.settings),
             elapsed=int(self.exact_steps[frame]),
             streaks=streaks.astype(np.int64),
         )

@@ -12,8 +12,8 @@ from artiskill.envs.control import JOINT, Control
 from artiskill.envs.modes import OBSERVERS, RENDER_MODES, check_modes, checked_options
 from artiskill.envs.observation import Instant, Observer, empty_observation
 from artiskill.envs.rendering import Viewpoint, WorldView
-from artiskill.envs.state import EnvState, check_progress
-from artiskill.errors import ConfigError, ResetNeededError, StateError
+from artiskill.envs.state import EnvState, check_episode
+from artiskill.errors import ConfigError, ResetNeededError
 from artiskill.scene.cache import cached_scene
 from artiskill.scene.scene import Scene
 from artiskill.sim.simulation import Simulation
@@ -211,19 +211,17 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
             The observation and info of that instant.
 
         Raises:
-            StateError: the state is of another task, object or physics configuration, or damaged; the episode goes
-                on as if nothing had happened.
+            StateError: the state is of another task, object, robot, physics configuration or props, or damaged.
+            UnknownNameError: there is no such object or target link. In either case the episode goes on as if
+                nothing had happened.
         """
-        if not isinstance(state, EnvState) or state.task != self.task.name:
-            given = state.task if isinstance(state, EnvState) else type(state).__name__
-            raise StateError(f"cannot restore a state of {given!r} into {self.task.name!r}")
+        check_episode(state, self.task.name, len(self.task.flag_names))
         obj = self._casting.find(state.object)
         self._casting.check_target(obj, state.target)
-        check_progress(state, len(self.task.flag_names))
         simulation = self._simulation_of(obj)
         simulation.check_state(state.simulation)
         self._enter(simulation, state.target)  # all is well: from here on nothing fails
-        simulation.restore(state.simulation)
+        simulation.restore(state.simulation, is_checked=True)
         self._snapshot = simulation.snapshot()
         self._level = state.level
         self._progress.elapsed[:] = state.elapsed

@@ -8,6 +8,9 @@ from artiskill.errors import StateError
 from artiskill.sim.states import SimulationState
 from artiskill.tasks.levels import check_level
 
+_MOST_STEPS = 2**31 - 1  # of an episode: nobody plays so long, and counting on from there cannot overflow
+_MOST_TEXT = 80  # of a value in an error
+
 
 @dataclass(frozen=True, eq=False)
 class EnvState:
@@ -32,20 +35,52 @@ class EnvState:
     streaks: np.ndarray
 
 
-def check_progress(state: EnvState, flags: int) -> None:
-    """See whether the episode's part of a state makes sense, and whether there is a physical part.
+def check_episode(state: EnvState, task: str, flags: int) -> None:
+    """See whether the episode's part of a state makes sense, and belongs to a task.
+
+    Args:
+        state: all but its physical part is looked at.
+        task: name of the task.
+        flags: how many conditions of success it has.
 
     Raises:
-        StateError: its steps or streaks do not, or there is none.
+        StateError: it is of another task, or its object, target, steps or streaks make no sense.
         ConfigError: its level does not.
     """
+    if not isinstance(state, EnvState) or not isinstance(state.task, str) or state.task != task:
+        given = _shown(state.task) if isinstance(state, EnvState) else repr(type(state).__name__)
+        raise StateError(f"cannot restore a state of {given} into {task!r}")
+    for name in ("object", "target"):
+        if not isinstance(getattr(state, name), str):
+            raise StateError(f"this state's {name} is damaged: a name is text, not {_shown(getattr(state, name))}")
     if not isinstance(state.simulation, SimulationState):
         raise StateError(f"this state's simulation is damaged: it is a {type(state.simulation).__name__}")
     check_level(state.level)
-    steps_are_legal = isinstance(state.elapsed, int | np.integer) and state.elapsed >= 0
-    streaks = np.asarray(state.streaks)
-    if not steps_are_legal or streaks.shape != (flags,) or streaks.dtype.kind != "i" or (streaks < 0).any():
+    if not _is_count(state.elapsed) or not _are_counts(state.streaks, flags):
         raise StateError(
-            f"this state's progress is damaged: elapsed {state.elapsed!r}, streaks {state.streaks!r}; "
-            f"legal are whole numbers from 0 on, {flags} of them for the streaks"
+            f"this state's progress is damaged: elapsed {_shown(state.elapsed)}, streaks {_shown(state.streaks)}; "
+            f"legal are whole numbers from 0 to {_MOST_STEPS}, {flags} of them for the streaks"
         )
+
+
+def _is_count(value: object) -> bool:
+    is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    return is_whole and 0 <= value <= _MOST_STEPS  # type: ignore[operator]
+
+
+def _are_counts(values: object, count: int) -> bool:
+    try:
+        found = np.asarray(values)
+    except ValueError:  # rows of different lengths
+        return False
+    is_whole = found.shape == (count,) and found.dtype.kind == "i"
+    return is_whole and bool(((found >= 0) & (found <= _MOST_STEPS)).all())
+
+
+def _shown(value: object) -> str:
+    """A value for an error, whatever it is."""
+    try:
+        text = repr(value)
+    except Exception:  # of a number with too many digits, or of a foreign class
+        return f"a {type(value).__name__}"
+    return text if len(text) <= _MOST_TEXT else f"{text[: _MOST_TEXT - 4]} ..."

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from artiskill.demos.attempts import FAULTS, fault_text
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError
 from artiskill.evaluation.policies import Actor
@@ -18,7 +19,9 @@ class EpisodeResult:
         level: of the episode.
         success: whether the task was solved.
         length: environment steps until it was solved or cut off.
-        flags: condition -> did it hold, long enough, at the end.
+        flags: condition -> did it hold, long enough, at the end; none of one that a fault ended.
+        fault: what ended it, where that was not the episode's end, physics that ran away say: a text that begins
+            with the kind; else empty.
     """
 
     object: str
@@ -27,6 +30,7 @@ class EpisodeResult:
     success: bool
     length: int
     flags: dict[str, bool]
+    fault: str = ""
 
 
 def run_episode(
@@ -43,27 +47,37 @@ def run_episode(
         level: which episode.
         watch: called with (env, steps so far, is this the end) at the first state and after each step.
 
+    An episode that a fault ends (`FAULTS`: the physics runs away, or an expert's numbers do) counts as failed.
+
     Raises:
         PolicyError: the policy raises or returns no legal action.
     """
+    watch = watch or _look_away
     observation, info = env.reset(options={"level": level})
-    actor.reset(env, observation, info)
-    steps, done = 0, False
-    if watch is not None:
+    steps, done, fault = 0, False, ""
+    try:
+        actor.reset(env, observation, info)
         watch(env, steps, done)
-    while not done:
-        observation, _, terminated, truncated, info = env.step(actor.act(env, observation))
-        steps, done = steps + 1, terminated or truncated
-        if watch is not None:
+        while not done:
+            observation, _, terminated, truncated, info = env.step(actor.act(env, observation))
+            steps, done = steps + 1, terminated or truncated
             watch(env, steps, done)
+    except FAULTS as error:
+        fault = fault_text(error)
+        watch(env, steps, True)
     return EpisodeResult(
         object=info["object"],
         target=info["target"],
         level=level,
-        success=info["success"],
+        success=info["success"],  # which ends an episode: one that a fault ends has not come to it
         length=steps,
-        flags=dict(info["flags"]),
+        flags=dict.fromkeys(info["flags"], False) if fault else dict(info["flags"]),
+        fault=fault,
     )
+
+
+def _look_away(env: ManipulationEnv, steps: int, done: bool) -> None:
+    pass
 
 
 def play_steps(env: ManipulationEnv, actor: Actor | None, level: int, steps: int) -> None:

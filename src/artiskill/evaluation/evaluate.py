@@ -1,18 +1,24 @@
 """`evaluate`: a policy's success on many objects and levels, as a `Report`."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
+
+import numpy as np
 
 from artiskill.envs.manipulation import ObjectChoice
 from artiskill.errors import ConfigError
 from artiskill.evaluation.episodes import EpisodeResult, run_episode
-from artiskill.evaluation.plan import EpisodeBatch, Plan, make_plan
-from artiskill.evaluation.policies import load_policy
+from artiskill.evaluation.plan import WORKER_HINT, EpisodeBatch, Plan, make_plan
+from artiskill.evaluation.policies import Actor, load_policy
 from artiskill.evaluation.report import Report, make_report
-from artiskill.evaluation.time_limit import TimedActor, check_limit
+from artiskill.evaluation.time_limit import LOAD_TIMEOUT_S, TimedActor, check_limit, load_within
+from artiskill.jobs.fork_server import fork_server
 from artiskill.jobs.parallel import run_jobs
+
+Result = TypeVar("Result")
 
 
 def evaluate(
@@ -29,11 +35,12 @@ def evaluate(
     workers: int = 1,
     on_episode: Callable[[EpisodeResult], None] | None = None,
     step_timeout_s: float | None = None,
+    load_timeout_s: float = LOAD_TIMEOUT_S,
 ) -> Report:
     """Play the levels `first_level` to `first_level + episodes - 1` on every object and count.
 
-    The same arguments give the same report, up to its `timing`, for any number of workers. More than one worker
-    needs a script that keeps its own work under `if __name__ == "__main__":`, as Python's multiprocessing does.
+    The same arguments give the same report, up to its `timing`, for any number of workers. A solution file never
+    runs in this process, but, for every object, in a new one.
 
     Args:
         task: name of the task.
@@ -51,6 +58,7 @@ def evaluate(
         on_episode: called after every episode, in no fixed order if there are several workers.
         step_timeout_s: the time in which each action, and each `reset` of the policy, must come; None for any. The
             policy then never runs in this process, so that it must be given by name or path.
+        load_timeout_s: the time in which a solution file must have been run and its policy constructed.
 
     Raises:
         UnknownNameError: an unknown task, object, split, target link, observation or control mode, or policy.
@@ -59,7 +67,9 @@ def evaluate(
         PolicyError: a policy that cannot be loaded, raises, returns no legal action, takes too long, or ends its
             process.
     """
-    plan = make_plan(task, policy, objects, episodes, first_level, target, obs_mode, control_mode, config)
+    plan = make_plan(
+        task, policy, objects, episodes, first_level, target, obs_mode, control_mode, config, load_timeout_s
+    )
     return run_plan(plan, workers, on_episode, step_timeout_s)
 
 
@@ -78,37 +88,82 @@ def run_plan(
     """
     check_workers(plan, workers, step_timeout_s)
     start = time.perf_counter()
-    results = run_jobs(
-        partial(_run_batch, limit_s=step_timeout_s),
-        plan.batches,
-        workers,
-        on_episode,
-        describe=lambda batch: batch.label,
-        own_process=step_timeout_s is not None,
-    )
+    results = run_batches(_run_batch, plan, plan.batches, workers, on_episode, step_timeout_s)
     return make_report(plan, results, seconds=time.perf_counter() - start, workers=workers)
+
+
+def run_batches(
+    function: Callable[["BatchJob", Callable[[Any], None]], Result],
+    plan: Plan,
+    batches: Sequence[EpisodeBatch],
+    workers: int,
+    on_news: Callable[[Any], None] | None = None,
+    step_timeout_s: float | None = None,
+) -> list[Result]:
+    """Have something done with batches of a plan.
+
+    Policies that come with the package, and those given as objects, may act in this process if there is one worker
+    and no time limit. Everything else happens in processes of its own, one for each batch.
+
+    Raises:
+        PolicyError: as of `run_plan`.
+    """
+    isolated = plan.is_foreign or step_timeout_s is not None or min(workers, len(batches)) > 1
+    if isolated:
+        fork_server().prepare(partial(_warm_up, replace(batches[0], policy="still")))
+    load_timeout_s = plan.load_timeout_s if isolated else None
+    jobs = [BatchJob(batch, load_timeout_s, step_timeout_s) for batch in batches]
+    return run_jobs(
+        function, jobs, workers, on_news, lambda job: job.batch.label, isolated=isolated, hint=WORKER_HINT
+    )
 
 
 def check_workers(plan: Plan, workers: object, step_timeout_s: object = None) -> None:
     """Raise `ConfigError` unless so many processes can work on the plan, under that limit per step."""
     if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
         raise ConfigError(f"workers must be a whole number of at least 1, not {workers!r}")
-    check_limit(step_timeout_s)
+    if step_timeout_s is not None:
+        check_limit(step_timeout_s)
     if workers > 1 and not plan.is_portable:
         raise ConfigError("only a policy given by name or path can be evaluated by several workers; use workers=1")
     if step_timeout_s is not None and not plan.is_portable:
         raise ConfigError("only a policy given by name or path can be evaluated under a time limit per step")
 
 
-def _run_batch(
-    batch: EpisodeBatch, tell: Callable[[Any], None], limit_s: float | None = None
-) -> list[EpisodeResult]:
+@dataclass(frozen=True, eq=False)
+class BatchJob:
+    """A batch that is to be played, and in which times; those in this process have no limits.
+
+    Attributes:
+        batch: of episodes.
+        load_timeout_s: for the policy.
+        step_timeout_s: for each action.
+    """
+
+    batch: EpisodeBatch
+    load_timeout_s: float | None
+    step_timeout_s: float | None
+
+    def load_policy(self, tell: Callable[[Any], None]) -> Actor:
+        """The one that acts."""
+        if self.load_timeout_s is None:
+            return load_policy(self.batch.policy)
+        actor = load_within(self.batch.policy, self.load_timeout_s, tell)
+        return actor if self.step_timeout_s is None else TimedActor(actor, self.step_timeout_s, tell)
+
+
+def _run_batch(job: BatchJob, tell: Callable[[Any], None]) -> list[EpisodeResult]:
     """Environment and policy are made anew for every batch: no object's episodes know of another's."""
-    env, actor = batch.make_env(), load_policy(batch.policy)
-    if limit_s is not None:
-        actor = TimedActor(actor, limit_s, tell)
+    env, actor = job.batch.make_env(), job.load_policy(tell)
     results = []
-    for level in batch.levels:
+    for level in job.batch.levels:
         results.append(run_episode(env, actor, level))
         tell(results[-1])
     return results
+
+
+def _warm_up(batch: EpisodeBatch) -> None:
+    """Load what every batch needs, compiled code above all, before any process is forked."""
+    env = batch.make_env()
+    env.reset(options={"level": batch.levels[0]})
+    env.step(np.zeros(env.action_space.shape or (), np.float32))

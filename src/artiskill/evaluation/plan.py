@@ -1,8 +1,9 @@
 """What is to be evaluated, checked before the first step is simulated."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +13,16 @@ from artiskill.assets.identity import checked_hash
 from artiskill.envs.control import JOINT
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
 from artiskill.errors import ConfigError, PolicyError
-from artiskill.evaluation.policies import POLICY_NAMES, Actor, load_policy
+from artiskill.evaluation.policies import POLICY_NAMES, Actor, load_policy, solution_path
+from artiskill.evaluation.time_limit import LOAD_TIMEOUT_S, check_limit, load_within
+from artiskill.jobs.parallel import run_jobs
 from artiskill.tasks.levels import check_level
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Task
 
 ALL_TARGETS = "all"
 ANY_TARGET = "any"
+WORKER_HINT = "the policy ended it, or memory ran out, of which fewer workers need less"
 _DEFAULT_OBS_MODE = "state"
 
 
@@ -84,6 +88,7 @@ class Plan:
         obs_mode: of the environments.
         control_mode: of the environments.
         batches: one per row of the report.
+        load_timeout_s: the time in which a solution file must be loaded.
     """
 
     task: Task
@@ -93,6 +98,7 @@ class Plan:
     obs_mode: str
     control_mode: str
     batches: tuple[EpisodeBatch, ...]
+    load_timeout_s: float = LOAD_TIMEOUT_S
 
     @property
     def num_episodes(self) -> int:
@@ -103,6 +109,11 @@ class Plan:
     def is_portable(self) -> bool:
         """Whether another process can load the policy: by its name or path."""
         return isinstance(self.policy, str)
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether the policy is a solution file: code that may do anything to its process."""
+        return self.policy_sha256 is not None
 
 
 def make_plan(
@@ -115,8 +126,11 @@ def make_plan(
     obs_mode: str | None = None,
     control_mode: str | None = None,
     config: Mapping[str, Any] | None = None,
+    load_timeout_s: float = LOAD_TIMEOUT_S,
 ) -> Plan:
     """Check everything that can be checked beforehand; the arguments are those of `evaluate`.
+
+    A solution file is run in a process of its own, to see what it needs.
 
     Raises:
         UnknownNameError: an unknown task, object, split, target link, observation or control mode, or policy.
@@ -126,7 +140,8 @@ def make_plan(
     """
     levels = _levels(episodes, first_level)
     resolved = make_task(task, config)
-    actor = load_policy(policy)
+    check_limit(load_timeout_s, "for loading a policy")
+    actor = look_at(policy, load_timeout_s)
     obs_mode = _mode("obs_mode", obs_mode, actor) or _DEFAULT_OBS_MODE
     control_mode = _mode("control_mode", control_mode, actor) or JOINT
     policy = policy if callable(policy) or hasattr(policy, "act") else str(policy)
@@ -137,10 +152,43 @@ def make_plan(
     )
     for batch in batches[: len(batches) if target else 1]:  # a given target must exist on every object
         batch.make_env()
-    return Plan(resolved, actor.name, policy, _digest(policy), obs_mode, control_mode, batches)
+    return Plan(resolved, actor.name, policy, _digest(policy), obs_mode, control_mode, batches, load_timeout_s)
 
 
-def _mode(kind: str, asked: str | None, actor: Actor) -> str | None:
+@dataclass(frozen=True)
+class PolicyFacts:
+    """What a policy says of itself: `name`, `obs_mode` and `control_mode` as of `Actor`."""
+
+    name: str
+    obs_mode: str | None
+    control_mode: str | None
+
+
+def look_at(policy: Any, load_timeout_s: float = LOAD_TIMEOUT_S) -> PolicyFacts:
+    """Load a policy to see what it says of itself; the code of a solution file never runs in this process.
+
+    Raises:
+        UnknownNameError: text that is neither a policy's name nor looks like a Python file.
+        PolicyError: it cannot be loaded in time, or not at all.
+    """
+    path = solution_path(policy)
+    if path is None:
+        return _facts(load_policy(policy))
+    look = partial(_look, limit_s=load_timeout_s)
+    return run_jobs(look, [str(path)], 1, describe=str, isolated=True, hint=WORKER_HINT)[0]
+
+
+def _look(path: str, tell: Callable[[Any], None], limit_s: float) -> PolicyFacts:
+    return _facts(load_within(path, limit_s, tell))
+
+
+def _facts(actor: Actor) -> PolicyFacts:
+    """As plain text, which any process can read."""
+    said = (actor.name, actor.obs_mode, actor.control_mode)
+    return PolicyFacts(*(None if value is None else "".join(value) for value in said))  # type: ignore[arg-type]
+
+
+def _mode(kind: str, asked: str | None, actor: PolicyFacts) -> str | None:
     """The mode that was asked for, else the one that the policy needs."""
     needed: str | None = getattr(actor, kind)
     if asked is not None and needed not in (None, asked):

@@ -165,11 +165,21 @@ def load_policy(policy: Any) -> Actor:
         UnknownNameError: text that is neither a policy's name nor looks like a Python file.
         PolicyError: a solution file, function or object that cannot be used.
     """
-    if not isinstance(policy, str | Path):
-        return SolutionActor(Solution.of_object(policy))
-    if str(policy) in _ACTORS:
-        return _ACTORS[str(policy)]()
+    path = solution_path(policy)
+    if path is not None:
+        return SolutionActor(read_solution(path))
+    return _ACTORS[str(policy)]() if isinstance(policy, str | Path) else SolutionActor(Solution.of_object(policy))
+
+
+def solution_path(policy: Any) -> Path | None:
+    """The file of a policy that is a solution file; None of any other policy.
+
+    Raises:
+        UnknownNameError: text that is neither a policy's name nor looks like a Python file.
+    """
+    if not isinstance(policy, str | Path) or str(policy) in _ACTORS:
+        return None
     path = Path(policy)
     if path.suffix != ".py" and not path.exists():
         raise UnknownNameError("policy", str(policy), POLICY_NAMES, "Also legal: the path of a file solution.py.")
-    return SolutionActor(read_solution(path))
+    return path

@@ -3,7 +3,6 @@
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +11,10 @@ import numpy as np
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError
 from artiskill.evaluation.episodes import run_episode
-from artiskill.evaluation.evaluate import check_workers
-from artiskill.evaluation.plan import EpisodeBatch, Plan
-from artiskill.evaluation.policies import load_policy
+from artiskill.evaluation.evaluate import BatchJob, check_workers, run_batches
+from artiskill.evaluation.plan import Plan
 from artiskill.evaluation.report_files import check_folder
-from artiskill.evaluation.time_limit import TimedActor
 from artiskill.evaluation.video import caption, write_video
-from artiskill.jobs.parallel import run_jobs
 from artiskill.tasks.open_cabinet.goal import OpenGoal
 
 STEPS_PER_FRAME = 2
@@ -61,14 +57,7 @@ def record_video(
     path = Path(path)
     check_video(path, count)
     check_workers(plan, workers, step_timeout_s)
-    strips = run_jobs(
-        partial(_record, limit_s=step_timeout_s),
-        plan.batches[:count],
-        workers,
-        on_frame,
-        describe=lambda batch: batch.label,
-        own_process=step_timeout_s is not None,
-    )
+    strips = run_batches(_record, plan, plan.batches[:count], workers, on_frame, step_timeout_s)
     frames = [frame for strip in strips for frame in strip]
     try:
         return write_video(path, frames, FRAMES_PER_S)
@@ -93,7 +82,7 @@ def check_video(path: Path | str, count: int = 1) -> None:
         write_video(Path(folder) / path.name, [np.zeros((16, 16, 3), np.uint8)], FRAMES_PER_S)
 
 
-def _record(batch: EpisodeBatch, tell: Callable[[Any], None], limit_s: float | None = None) -> list[np.ndarray]:
+def _record(job: BatchJob, tell: Callable[[Any], None]) -> list[np.ndarray]:
     frames: list[np.ndarray] = []
 
     def watch(env: ManipulationEnv, steps: int, done: bool) -> None:
@@ -101,10 +90,7 @@ def _record(batch: EpisodeBatch, tell: Callable[[Any], None], limit_s: float | N
             frames.append(caption(env.render(), episode_caption(env, done)))
             tell(FrameDrawn(steps, done))
 
-    actor = load_policy(batch.policy)
-    if limit_s is not None:
-        actor = TimedActor(actor, limit_s, tell)
-    run_episode(batch.make_env("rgb_array"), actor, batch.levels[0], watch)
+    run_episode(job.batch.make_env("rgb_array"), job.load_policy(tell), job.batch.levels[0], watch)
     return frames + [frames[-1]] * round(LAST_FRAME_S * FRAMES_PER_S)
 
 

@@ -1,10 +1,12 @@
 """Reports: what the episodes add up to."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from artiskill.config import to_mapping
+from artiskill.demos.attempts import fault_kind
 from artiskill.evaluation.episodes import EpisodeResult
 from artiskill.evaluation.intervals import wilson_interval
 from artiskill.evaluation.plan import Plan
@@ -22,6 +24,7 @@ class Tally:
         interval: 95 % Wilson interval of the success rate.
         flags: condition -> share of episodes at whose end it held.
         mean_length: environment steps per episode, failed ones included.
+        faults: what ended episodes before their end, `DivergedError` say, and how many of them.
     """
 
     episodes: int
@@ -30,6 +33,13 @@ class Tally:
     interval: tuple[float, float]
     flags: dict[str, float]
     mean_length: float
+    faults: dict[str, int]
+
+    @property
+    def faults_text(self) -> str:
+        """A sentence about faults; empty without any."""
+        kinds = ", ".join(f"{count} by {kind}" for kind, count in self.faults.items())
+        return f"Episodes that a fault ended, which count as failed: {kinds}." if kinds else ""
 
 
 @dataclass(frozen=True)
@@ -149,4 +159,5 @@ def count(episodes: Sequence[EpisodeResult]) -> Tally:
         interval=wilson_interval(successes, n),
         flags={name: sum(result.flags[name] for result in episodes) / n for name in names},
         mean_length=sum(result.length for result in episodes) / n,
+        faults=dict(Counter(sorted(fault_kind(result.fault) for result in episodes if result.fault))),
     )

@@ -110,21 +110,21 @@ def report_csv(report: Report) -> str:
     rows = [
         [
             *(r.object, r.target, r.tally.episodes, r.tally.successes, r.tally.success_rate, *r.tally.interval),
-            *(r.tally.mean_length, *(r.tally.flags[name] for name in flags)),
+            *(r.tally.mean_length, *(r.tally.flags[name] for name in flags), sum(r.tally.faults.values())),
         ]
         for r in report.rows
     ]
-    return _csv([*head, "mean_length", *flags], rows)
+    return _csv([*head, "mean_length", *flags, "faults"], rows)
 
 
 def episodes_csv(report: Report) -> str:
     """One line per episode."""
     flags = list(report.total.flags)
     rows = (
-        [e.object, e.target, e.level, int(e.success), e.length, *(int(e.flags[name]) for name in flags)]
+        [e.object, e.target, e.level, int(e.success), e.length, *(int(e.flags[name]) for name in flags), e.fault]
         for e in report.episodes
     )
-    return _csv(["object", "target", "level", "success", "length", *flags], rows)
+    return _csv(["object", "target", "level", "success", "length", *flags, "fault"], rows)
 
 
 def report_markdown(report: Report) -> str:
@@ -139,7 +139,8 @@ def report_markdown(report: Report) -> str:
     used = ", ".join(f"{name} {number}" for name, number in report.versions.items())
     modes = f"`{report.obs_mode}`, `{report.control_mode}`"
     title = f"# {report.task}: {report.policy}\n\nLevels {first} to {last} of each object, {modes}."
-    return f"{title}\n\n" + "\n".join(lines) + f"\n\nMade with {used}.\n"
+    faults = f"\n\n{report.total.faults_text}" if report.total.faults else ""
+    return f"{title}\n\n" + "\n".join(lines) + f"{faults}\n\nMade with {used}.\n"
 
 
 def _cells(tally: Tally) -> list[str]:

@@ -6,6 +6,7 @@ object, the level and the step, and never shows the benchmark's own frames.
 
 import inspect
 import random
+import signal
 import sys
 import traceback
 from collections.abc import Callable
@@ -163,7 +164,9 @@ def _guarded(call: Callable[[], Any], name: str, what: str, where: str = "") -> 
     """The call's result; whatever it raises, as a `PolicyError` with the solution's line."""
     try:
         return call()
-    except (Exception, SystemExit) as error:  # anything may come out of foreign code, sys.exit() included
+    except BaseException as error:  # anything may come out of foreign code, sys.exit() included
+        if isinstance(error, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+            raise  # Ctrl-C, in a process that it reaches
         line = _line_of(error, name)
         place = ", ".join(part for part in (f"line {line}" if line else "", where) if part)
         message = f"{name}: {what} {_one_line(error)}"

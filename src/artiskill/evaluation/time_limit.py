@@ -1,13 +1,39 @@
-"""A limit on the time that a policy takes for one action."""
+"""Limits on the time that a policy takes to load, and for one action."""
 
 import math
+import random
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError
-from artiskill.evaluation.policies import Actor
+from artiskill.evaluation.policies import Actor, load_policy
 from artiskill.jobs.workers import IDLE, Busy
+
+LOAD_TIMEOUT_S = 120.0  # to run a solution file and construct its policy: weights may be large
+
+
+def load_within(policy: Any, limit_s: float, tell: Callable[[Busy], None]) -> Actor:
+    """`load_policy` in a process of its own, which is ended if it takes too long.
+
+    Python's and NumPy's global generators start from the same numbers, whatever the process did before.
+
+    Args:
+        policy: as `load_policy` takes it.
+        limit_s: in seconds.
+        tell: of a job that has a process of its own, see `run_jobs`.
+
+    Raises:
+        UnknownNameError, PolicyError: as of `load_policy`.
+    """
+    tell(Busy(f"{policy}: not loaded within {limit_s:g} s", limit_s))
+    random.seed(0)
+    np.random.seed(0)  # noqa: NPY002 - for solutions that draw from it
+    actor = load_policy(policy)
+    tell(IDLE)
+    return actor
 
 
 class TimedActor:
@@ -45,10 +71,8 @@ class TimedActor:
         self._tell(Busy(f"{self.name}: {what} within {self._limit_s:g} s ({where})", self._limit_s))
 
 
-def check_limit(limit_s: object) -> None:
-    """Raise `ConfigError` unless it is a positive, finite number of seconds, or None."""
-    if limit_s is None:
-        return
+def check_limit(limit_s: object, what: str = "per step") -> None:
+    """Raise `ConfigError` unless it is a positive, finite number of seconds."""
     is_number = isinstance(limit_s, int | float) and not isinstance(limit_s, bool)
     if not is_number or not 0 < limit_s < math.inf:  # type: ignore[operator]
-        raise ConfigError(f"the time limit per step must be a positive number of seconds, not {limit_s!r}")
+        raise ConfigError(f"the time limit {what} must be a positive number of seconds, not {limit_s!r}")

@@ -8,7 +8,8 @@ from multiprocessing.connection import wait as wait_for_any
 from typing import Any, Protocol, TypeVar
 
 from artiskill.errors import PolicyError
-from artiskill.jobs.workers import Worker, start_workers, stop_workers
+from artiskill.jobs.fork_server import fork_server
+from artiskill.jobs.workers import Worker, spawn_workers, stop_workers
 
 _POLL_S = 0.05
 _HINT = "the policy ended it, or memory ran out; try 1 worker"
@@ -40,11 +41,14 @@ def run_jobs(
     on_news: Tell | None = None,
     describe: Callable[[Job], str] = str,
     own_process: bool = False,
+    isolated: bool = False,
+    hint: str = _HINT,
 ) -> list[Result]:
     """`function(job, tell)` of every job.
 
     With one worker, or one job, everything happens in this process. Otherwise processes are spawned, not forked:
-    they inherit nothing, so that results cannot depend on the number of workers.
+    they inherit nothing from this one. What a job leaves behind in its process meets the next one there; where it
+    may leave something, as foreign code does, jobs are `isolated`.
 
     Args:
         function: a module-level function; it may `tell` pickled news while it works. With `own_process`, also
@@ -54,6 +58,9 @@ def run_jobs(
         on_news: called in this process with all news, in no fixed order.
         describe: a job's name, for errors.
         own_process: have one worker, too, be another process.
+        isolated: have a process of its own for every job, forked from the `fork_server`; its function is of this
+            package, or of a module that can be imported.
+        hint: why a worker may have ended by itself, and what to do then.
 
     Returns:
         The results, in the order of the jobs.
@@ -64,7 +71,8 @@ def run_jobs(
         KeyboardInterrupt: Ctrl-C; its text names the jobs that had to be ended, if there were any.
     """
     listed = _ListedJobs(jobs)
-    run_source(function, listed, min(workers, len(jobs)), on_news, describe, own_process and bool(jobs))
+    count = min(workers, len(jobs))
+    run_source(function, listed, count, on_news, describe, own_process and bool(jobs), isolated, hint)
     return [listed.results[k] for k in range(len(jobs))]
 
 
@@ -75,6 +83,7 @@ def run_source(
     on_news: Tell | None = None,
     describe: Callable[[Any], str] = str,
     own_process: bool = False,
+    isolated: bool = False,
     hint: str = _HINT,
 ) -> None:
     """`run_jobs` of jobs that a source names one by one, until it names none and all have finished.
@@ -86,6 +95,7 @@ def run_source(
         on_news: called with all news.
         describe: a job's name, for errors.
         own_process: have one worker, too, be another process.
+        isolated: have a process of its own for every job.
         hint: why a worker may have ended by itself, and what to do then.
 
     Raises:
@@ -93,7 +103,7 @@ def run_source(
         KeyboardInterrupt: likewise.
     """
     on_news = on_news or _ignore
-    if workers <= 1 and not own_process:
+    if workers <= 1 and not own_process and not isolated:
         number = 0
         while (job := source.next()) is not None:
             source.finished(number, function(job, on_news))
@@ -101,12 +111,15 @@ def run_source(
         return
     crew = _Crew(source, on_news, describe, hint)
     try:
-        crew.run(function, max(1, workers))
+        if isolated:
+            crew.run_isolated(function, max(1, workers))
+        else:
+            crew.run(function, max(1, workers))
     except KeyboardInterrupt as interrupt:
         ended = stop_workers(crew.workers)
         if not ended:
             raise
-        what = "; ".join(sorted(crew.name_of(worker) for worker in ended))
+        what = "; ".join(sorted(crew.name_of(worker) for worker in ended if not worker.is_retired))
         raise KeyboardInterrupt(
             f"interrupted: ended workers that did not stop by themselves ({what})"
         ) from interrupt
@@ -139,13 +152,36 @@ class _Crew:
 
     def run(self, function: Callable[[Any, Any], Any], count: int) -> None:
         """Have all jobs done."""
-        start_workers(self.workers, count, multiprocessing.get_context("spawn"), function)
-        while self._has_next or any(worker.job is not None for worker in self.workers):
-            wanted = [worker for worker in self.workers if worker.is_wanted]
-            wait_for_any([sign for worker in wanted for sign in worker.signs], timeout=_POLL_S)
-            for worker in wanted:
-                self._attend(worker)
+        spawn_workers(self.workers, count, multiprocessing.get_context("spawn"), function)
+        while self._has_next or self._busy:
+            self._attend_all()
             self._give_next()
+
+    def run_isolated(self, function: Callable[[Any, Any], Any], count: int) -> None:
+        """Have all jobs done, each in a process of its own, so many at a time."""
+        server = fork_server()
+        while True:
+            while self._busy < count and (job := self._source.next()) is not None:
+                self.workers.append(server.start(function))
+                self._give(self.workers[-1], job)
+            if not self._busy:
+                return
+            self._attend_all()
+            for worker in self.workers:
+                if worker.job is None and not worker.is_retired:
+                    worker.retire()
+            self.workers = [worker for worker in self.workers if not (worker.is_retired and worker.has_left)]
+
+    @property
+    def _busy(self) -> int:
+        return sum(worker.job is not None for worker in self.workers)
+
+    def _attend_all(self) -> None:
+        """Wait until any has something to say, or a moment; hear it."""
+        wanted = [worker for worker in self.workers if worker.is_wanted]
+        wait_for_any([sign for worker in wanted for sign in worker.signs], timeout=_POLL_S)
+        for worker in wanted:
+            self._attend(worker)
 
     def name_of(self, worker: Worker) -> str:
         """What it is working on."""
@@ -172,7 +208,8 @@ class _Crew:
         if kind == "done":
             assert worker.job is not None
             self._source.finished(worker.job, value)
-        worker.job, worker.is_ready = None, True
+            worker.job = None
+        worker.is_ready = True
 
     def _give_next(self) -> None:
         """Jobs for those that have none."""
@@ -183,8 +220,11 @@ class _Crew:
             self._has_next = job is not None
             if job is None:
                 return
-            self._given.append(job)
-            worker.give(len(self._given) - 1, job)
+            self._give(worker, job)
+
+    def _give(self, worker: Worker, job: Any) -> None:
+        self._given.append(job)
+        worker.give(len(self._given) - 1, job)
 
     def _vanished(self, worker: Worker) -> PolicyError:
         how = worker.how_it_ended()

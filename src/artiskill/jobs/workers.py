@@ -14,7 +14,7 @@ from multiprocessing import parent_process, resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as wait_for_any
 from multiprocessing.context import SpawnContext
-from typing import Any
+from typing import Any, Protocol
 
 _GRACE_S = 3.0  # for a worker to come to its next news, an evaluation's next episode say
 _TERMINATE_S = 1.0  # for what it does on SIGTERM
@@ -43,23 +43,49 @@ class _CalledOffError(Exception):
     """The jobs are no longer wanted."""
 
 
+class Process(Protocol):
+    """What is needed of `multiprocessing.Process`."""
+
+    @property
+    def sentinel(self) -> Any:
+        """Becomes ready when it ends."""
+
+    @property
+    def exitcode(self) -> int | None:
+        """Its exit status; minus the signal's number if one has ended it; None while it is alive."""
+
+    def is_alive(self) -> bool:
+        """Whether it has not ended."""
+
+    def join(self, timeout: float | None = None) -> None:
+        """Wait until it has ended."""
+
+    def terminate(self) -> None:
+        """Send it SIGTERM."""
+
+    def kill(self) -> None:
+        """Send it SIGKILL."""
+
+
 class Worker:
     """The parent's end of a process that runs a function on jobs.
+
+    Args:
+        process: that has started.
+        connection: to it.
 
     Attributes:
         job: number of the job that it is working on; None if on none.
         is_ready: it has started up.
         is_gone: it can say nothing any more.
+        is_retired: it gets no more jobs, and is about to end.
     """
 
-    def __init__(self, context: SpawnContext, function: Callable[[Any, Any], Any]) -> None:
+    def __init__(self, process: Process, connection: Connection) -> None:
         self.job: int | None = None
-        self.is_ready = self.is_gone = False
+        self.is_ready = self.is_gone = self.is_retired = False
         self._busy, self._deadline_s = IDLE, math.inf
-        self._connection, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs, function))
-        self._process.start()
-        theirs.close()
+        self._process, self._connection = process, connection
 
     @property
     def signs(self) -> tuple[Any, Any]:
@@ -82,6 +108,18 @@ class Worker:
         self.job = number
         with suppress(OSError):  # it has just ended, which `messages` will find
             self._connection.send(job)
+
+    def retire(self) -> None:
+        """Let it end, which it must do within seconds: whatever it has to tell has been heard."""
+        self.is_retired, self._deadline_s = True, time.monotonic() + _GRACE_S
+        self._connection.close()
+
+    @property
+    def has_left(self) -> bool:
+        """Of one that is retired: whether it has ended. One that is late is killed."""
+        if time.monotonic() > self._deadline_s:
+            self._process.kill()
+        return not self._process.is_alive()
 
     def messages(self) -> Iterator[Message]:
         """What it has said since: `ready`, `news`, `done` or `failed`, each with a value."""
@@ -117,13 +155,17 @@ class Worker:
         return f"exit status {code}" if code >= 0 else f"killed by signal {-code}, {signal.strsignal(-code)}"
 
 
-def start_workers(
+def spawn_workers(
     workers: list[Worker], count: int, context: SpawnContext, function: Callable[[Any, Any], Any]
 ) -> None:
     """Add so many to the list; they never see a Ctrl-C, which is the parent's business."""
     with _without_ctrl_c():
-        for _ in range(count):
-            workers.append(Worker(context, function))  # noqa: PERF401 - those that exist must be known at any time
+        for _ in range(count):  # those that exist must be known at any time
+            connection, theirs = context.Pipe()
+            process = context.Process(target=serve_jobs, args=(theirs, function))
+            process.start()
+            theirs.close()
+            workers.append(Worker(process, connection))
 
 
 def stop_workers(workers: Sequence[Worker]) -> list[Worker]:
@@ -170,11 +212,17 @@ def _without_ctrl_c() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _serve(connection: Connection, function: Callable[[Any, Any], Any]) -> None:
-    """What a worker process does."""
+def serve_jobs(connection: Connection, function: Callable[[Any, Any], Any], parent: int | None = None) -> None:
+    """What a worker process does.
+
+    Args:
+        connection: to who gives it jobs.
+        function: of jobs.
+        parent: becomes ready when that process ends; None for one of `multiprocessing`'s.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=_end_with_parent, args=(parent,), daemon=True).start()
 
     def send(message: Message) -> None:
         try:
@@ -212,9 +260,11 @@ def _portable(error: Exception) -> tuple[Exception, str]:
     return error, f"in a worker process:\n{text}"
 
 
-def _end_with_parent() -> None:
+def _end_with_parent(sentinel: int | None) -> None:
     """A parent that is killed cannot call jobs off; nothing else would end a worker whose policy hangs."""
-    parent = parent_process()
-    assert parent is not None
-    wait_for_any([parent.sentinel])
+    if sentinel is None:
+        parent = parent_process()
+        assert parent is not None
+        sentinel = parent.sentinel
+    wait_for_any([sentinel])
     os._exit(1)

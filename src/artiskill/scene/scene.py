@@ -19,6 +19,12 @@ from artiskill.scene.padding import add_padding, plan_padding
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.props import Prop, add_props
 
+# The engine would write each warning to a file in the working directory as well, where nobody asked for one; what
+# matters of it is raised as an error here.
+_LOG = mujoco.MjLogConfig.get()
+_LOG.logto_file = False
+_LOG.set()
+
 
 @dataclass(frozen=True, eq=False)
 class SceneIndex:

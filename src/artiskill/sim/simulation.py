@@ -2,16 +2,16 @@
 
 import copy
 from collections.abc import Sequence
-from dataclasses import fields
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from artiskill.errors import ActionError, Cause, DivergedError, StateError
+from artiskill.errors import ActionError, Cause, DivergedError
 from artiskill.scene.scene import Scene
 from artiskill.sim.engine_arrays import EngineArrays, places_of, run
 from artiskill.sim.snapshot import Snapshot
+from artiskill.sim.state_checks import check_state, object_hash_of, touched_props
 from artiskill.sim.states import InitialState, SimulationState
 
 # Position- and velocity-dependent fields are brought up to date after the last physics step.
@@ -188,17 +188,28 @@ class Simulation:
             joint_limits=np.stack([m.jnt_range[self._places.joints] for m in models]),
             previous_link_position_w=self._previous_position[ids],
             previous_link_quaternion_w=self._previous_quaternion[ids],
-            object_hash=self._object_hash(ids),
+            object_hash=object_hash_of([self.scenes[i] for i in ids]),
+            robot=self.scene.robot.config,
             physics=self.scene.physics,
+            props=touched_props(self.scene.props),
         )
 
-    def restore(self, state: SimulationState, env_ids: Sequence[int] | None = None) -> None:
+    def restore(
+        self, state: SimulationState, env_ids: Sequence[int] | None = None, is_checked: bool = False
+    ) -> None:
         """Take back a saved state, of all environments or into some: the same actions then give the same bits.
 
+        Args:
+            state: of as many environments.
+            env_ids: into which; None for all.
+            is_checked: whether `check_state` has seen it already.
+
         Raises:
-            StateError: the state comes from another scene or batch size.
+            StateError: the state comes from another object, robot, physics configuration, props or batch size, or
+                holds what no simulation could have saved.
         """
-        self.check_state(state, env_ids)
+        if not is_checked:
+            self.check_state(state, env_ids)
         self._take(state, np.arange(self.num_envs) if env_ids is None else np.asarray(env_ids))
 
     def spread(self, state: SimulationState) -> None:
@@ -228,28 +239,10 @@ class Simulation:
         """See whether `restore` would take a state; nothing is changed.
 
         Raises:
-            StateError: it comes from another scene, physics configuration or batch size, or is not finite.
+            StateError: as `restore`.
         """
-        ours = self.save(env_ids)
-        if (state.object_hash, state.physics) != (ours.object_hash, ours.physics):
-            which = "object" if state.object_hash != ours.object_hash else "physics configuration"
-            raise StateError(
-                f"this state belongs to another {which} than the simulation of {self.scene.object.id!r}"
-            )
-        for f in fields(SimulationState):
-            mine, given = getattr(ours, f.name), getattr(state, f.name)
-            if not isinstance(mine, np.ndarray):
-                continue
-            if not isinstance(given, np.ndarray) or given.shape != mine.shape:
-                shape = getattr(given, "shape", type(given).__name__)
-                raise StateError(f"a state of {self.scene.object.id!r} has {f.name} of {mine.shape}, not {shape}")
-            if not np.isfinite(given).all():
-                raise StateError(f"this state's {f.name} has numbers that are not finite")
-
-    def _object_hash(self, ids: np.ndarray) -> str:
-        """Of the object that all have, or of all objects."""
-        hashes = [self.scenes[i].object.content_hash for i in ids]
-        return hashes[0] if len(set(hashes)) == 1 else "+".join(hashes)
+        ids = range(self.num_envs) if env_ids is None else env_ids
+        check_state(state, [self.scenes[i] for i in ids])
 
     def _set_parameters(self, env: int, state: InitialState) -> None:
         model, scene = self._models[env], self.scenes[env]

@@ -4,7 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from artiskill.robots.config import RobotConfig
 from artiskill.scene.physics import PhysicsConfig
+from artiskill.scene.props import Prop
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +38,9 @@ class InitialState:
 class SimulationState:
     """Everything that the future of a batch depends on; `Simulation.restore` takes it back.
 
+    The joints' friction, damping and limits are drawn by levels and restored; object, robot, props and physics are
+    only named: they must be those of the simulation.
+
     Attributes:
         rows: (B, S) the engine's integration state (`mjSTATE_INTEGRATION`, warm start included).
         joint_friction: (B, J).
@@ -44,7 +49,9 @@ class SimulationState:
         previous_link_position_w: (B, L, 3).
         previous_link_quaternion_w: (B, L, 4).
         object_hash: `ArticulatedObject.content_hash` of the object; of all, where they differ.
+        robot: the configuration of the robot that it was simulated with.
         physics: the configuration that it was simulated with.
+        props: what stood or lay beside robot and object and could be touched.
     """
 
     rows: np.ndarray
@@ -54,4 +61,6 @@ class SimulationState:
     previous_link_position_w: np.ndarray
     previous_link_quaternion_w: np.ndarray
     object_hash: str
+    robot: RobotConfig
     physics: PhysicsConfig
+    props: tuple[Prop, ...]

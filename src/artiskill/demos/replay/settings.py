@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.config import check, to_mapping
-from artiskill.demos.settings import Settings, differing
+from artiskill.config import check, differing, to_mapping
+from artiskill.demos.settings import Settings
 from artiskill.envs.control import CONTROL_MODES
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.modes import OBSERVATION_MODES

@@ -1,9 +1,9 @@
 """Saved instants of single environments of a vector: the same as those of `ManipulationEnv`."""
 
-from artiskill.envs.state import EnvState, check_progress
+from artiskill.envs.state import EnvState, check_episode
 from artiskill.envs.vector.episodes import Episodes
-from artiskill.errors import ResetNeededError, StateError
-from artiskill.sim.simulation import Simulation
+from artiskill.errors import ResetNeededError
+from artiskill.sim.state_checks import check_state
 
 
 def save_env(episodes: Episodes, env: int) -> EnvState:
@@ -30,20 +30,18 @@ def restore_env(episodes: Episodes, env: int, state: EnvState) -> None:
     """Take back an instant into one environment.
 
     Raises:
-        StateError: the state is of another task, object or physics configuration, or damaged.
+        StateError: the state is of another task, object, robot, physics configuration or props, or damaged.
+        UnknownNameError: there is no such object or target link.
         ResetNeededError: no episode has begun yet.
     """
-    if not isinstance(state, EnvState) or state.task != episodes.task.name:
-        given = state.task if isinstance(state, EnvState) else type(state).__name__
-        raise StateError(f"cannot restore a state of {given!r} into {episodes.task.name!r}")
+    check_episode(state, episodes.task.name, len(episodes.task.flag_names))
     if episodes.objects[env] is None:
         raise ResetNeededError("call reset() before restore_state()")
-    check_progress(state, len(episodes.task.flag_names))
     obj = episodes.find(env, state.object, state.target)
-    Simulation(episodes.scene_for(obj)).check_state(state.simulation)  # from here on nothing fails
+    check_state(state.simulation, [episodes.scene_for(obj)])  # from here on nothing fails
     episodes.start([env], [state.level], [obj], [state.target])
     squad, slot = episodes.fleet.squad_of(env), int(episodes.fleet.slot[env])
-    squad.simulation.restore(state.simulation, [slot])
+    squad.simulation.restore(state.simulation, [slot], is_checked=True)
     squad.look()
     episodes.progress.elapsed[env] = state.elapsed
     episodes.progress.streaks[env] = state.streaks
