@@ -1,6 +1,7 @@
 """`ManipulationEnv`: the Gymnasium face of a task, one episode at a time."""
 
-from collections.abc import Mapping
+import copy
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import gymnasium as gym
@@ -9,11 +10,12 @@ import numpy as np
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.envs.casting import Casting, ObjectChoice
 from artiskill.envs.control import JOINT, Control
+from artiskill.envs.copying import CopiedByState
 from artiskill.envs.modes import OBSERVERS, RENDER_MODES, check_modes, checked_options
 from artiskill.envs.observation import Instant, Observer, empty_observation
 from artiskill.envs.rendering import Viewpoint, WorldView
 from artiskill.envs.state import EnvState, check_progress
-from artiskill.errors import ConfigError, ResetNeededError, StateError
+from artiskill.errors import ConfigError, DivergedError, ResetNeededError, StateError
 from artiskill.scene.cache import cached_scene
 from artiskill.scene.scene import Scene
 from artiskill.sim.simulation import Simulation
@@ -21,10 +23,10 @@ from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.levels import MAX_LEVEL, Stream, check_level, level_generator
 from artiskill.tasks.progress import Progress
 from artiskill.tasks.registry import make_task
-from artiskill.tasks.task import Flags, Goal
+from artiskill.tasks.task import Flags, Goal, Task
 
 
-class ManipulationEnv(gym.Env[Any, np.ndarray]):
+class ManipulationEnv(CopiedByState, gym.Env[Any, np.ndarray]):
     """One task, over one object or many, as a Gymnasium environment.
 
     ## Action space
@@ -67,7 +69,7 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
 
     `info` has `object`, `level`, `target`, `success`, `flags` (condition -> has it held for half a second by now)
     and `reward_terms`; in visual modes also `cameras`, their intrinsics and extrinsics. To branch an episode use
-    `save_state`, which pickles; the environment itself holds engine memory and can be neither copied nor pickled.
+    `save_state`, which pickles. `copy.deepcopy` and `pickle` make another environment at the same instant.
 
     Args:
         task: name of the task.
@@ -97,21 +99,23 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
         render_mode: str | None = None,
         config: Mapping[str, Any] | None = None,
     ) -> None:
+        already = frozenset(vars(self))
         check_modes(obs_mode, reward_mode, control_mode, render_mode)
         self.task = make_task(task, config)
+        self._config = copy.deepcopy(config)
         self.obs_mode, self.reward_mode, self.render_mode = obs_mode, reward_mode, render_mode
         self._casting = Casting(self.task, objects, target)
         self.control = Control(self.task.robot, control_mode)
-        self._observer = OBSERVERS[obs_mode](self.task)
-        self.observation_space = self._observer.space
         self.action_space = self.control.space
         self._simulation: Simulation | None = None
+        self.observe_with(OBSERVERS[obs_mode])
         self._view: WorldView | None = None
         self._progress = Progress(1, self.task.flag_names, self.task.hold_steps)
         self._goal: Goal = None
         self._snapshot: Snapshot | None = None
         self._target = ""
         self._level = -1
+        self._remade = frozenset(vars(self)) - already
 
     # -- episodes ------------------------------------------------------------------------------------------------
 
@@ -178,12 +182,17 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
             self._view = WorldView(self._simulation.scene, Viewpoint().camera(self.task.world_camera))
         return self._view.draw(self.snapshot)
 
-    def observe_with(self, observer: Observer) -> None:
-        """Observe in another way from the next `reset`, `step` or `restore_state` on; for wrappers."""
-        self._observer = observer
-        self.observation_space = observer.space
+    def observe_with(self, make_observer: Callable[[Task], Observer]) -> None:
+        """Observe in another way from the next `reset`, `step` or `restore_state` on; for wrappers.
+
+        Args:
+            make_observer: called once, and again in every copy of the environment: what pickles, if those shall.
+        """
+        self._make_observer = make_observer
+        self._observer = make_observer(self.task)
+        self.observation_space = self._observer.space
         if self._simulation is not None:
-            observer.enter(self._simulation.scene, self._target)
+            self._observer.enter(self._simulation.scene, self._target)
 
     # -- state ---------------------------------------------------------------------------------------------------
 
@@ -250,6 +259,35 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
         if self._goal is None:
             raise ResetNeededError("call reset() first")
         return self._goal
+
+    # -- copies, see `CopiedByState` -----------------------------------------------------------------------------
+
+    def _arguments(self) -> dict[str, Any]:
+        return {
+            "task": self.task.name,
+            "objects": self._casting.choices,
+            "target": self._casting.fixed_target,
+            "obs_mode": self.obs_mode,
+            "reward_mode": self.reward_mode,
+            "control_mode": self.control.mode,
+            "render_mode": self.render_mode,
+            "config": self._config,
+        }
+
+    def _save_episodes(self) -> dict[str, Any]:
+        if self._simulation is not None and (causes := self._simulation.diverged()):
+            raise DivergedError(causes)
+        state = None if self._simulation is None else self.save_state()
+        return {"handed_in": self._casting.handed_in, "state": state}
+
+    def _restore_episodes(self, saved: dict[str, Any]) -> None:
+        for obj in saved["handed_in"]:
+            self._casting.remember(obj)
+        if saved["state"] is not None:
+            self.restore_state(saved["state"])
+
+    def _castings(self) -> tuple[Casting, ...]:
+        return (self._casting,)
 
     # -- inside --------------------------------------------------------------------------------------------------
 
