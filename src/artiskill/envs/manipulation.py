@@ -15,6 +15,7 @@ from artiskill.envs.modes import OBSERVERS, RENDER_MODES, check_modes, checked_o
 from artiskill.envs.observation import Instant, Observer, empty_observation
 from artiskill.envs.rendering import Viewpoint, WorldView
 from artiskill.envs.state import EnvState, check_progress
+from artiskill.envs.window import Window
 from artiskill.errors import ConfigError, DivergedError, ResetNeededError, StateError
 from artiskill.scene.cache import cached_scene
 from artiskill.scene.scene import Scene
@@ -78,12 +79,13 @@ class ManipulationEnv(CopiedByState, gym.Env[Any, np.ndarray]):
         obs_mode: `state`, `pointcloud` or `rgbd`.
         reward_mode: `dense` or `sparse`.
         control_mode: `joint` or `operational_space`.
-        render_mode: None or `rgb_array`.
+        render_mode: None, `rgb_array`, or `human`: a window, drawn at every `reset` and `step`, in real time.
         config: values of the task's YAML to change, `{"episode_steps": 100}`; keys may be dotted.
 
     Raises:
         UnknownNameError: an unknown task, object, split, mode or target link.
-        ConfigError: an unknown or illegal configuration value.
+        ConfigError: an unknown or illegal configuration value; no display for `human`.
+        MissingExtraError: `human` without the extra `viewer`.
     """
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 20}  # noqa: RUF012 - as in Gymnasium
@@ -110,6 +112,9 @@ class ManipulationEnv(CopiedByState, gym.Env[Any, np.ndarray]):
         self._simulation: Simulation | None = None
         self.observe_with(OBSERVERS[obs_mode])
         self._view: WorldView | None = None
+        self._window = (
+            Window(f"ArtiSkill: {task}", self.metadata["render_fps"]) if render_mode == "human" else None
+        )
         self._progress = Progress(1, self.task.flag_names, self.task.hold_steps)
         self._goal: Goal = None
         self._snapshot: Snapshot | None = None
@@ -167,15 +172,26 @@ class ManipulationEnv(CopiedByState, gym.Env[Any, np.ndarray]):
         observation, info = self._observe(info)
         return observation, reward, success, truncated, info
 
-    def render(self) -> np.ndarray:
-        """The scene from the world camera, (480, 640, 3) uint8.
+    def render(self) -> Any:
+        """The scene from the world camera, (480, 640, 3) uint8; None with `human`, whose window shows it.
 
         Raises:
             ResetNeededError: called before the first `reset`.
-            ConfigError: the environment was made without `render_mode="rgb_array"`.
+            ConfigError: the environment was made without a render mode.
         """
         if self.render_mode is None:
             raise ConfigError("this environment was made without a render mode; pass render_mode='rgb_array'")
+        picture = self._picture()
+        if self._window is None:
+            return picture
+        return self._window.show(picture)
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._window.close()
+
+    def _picture(self) -> np.ndarray:
         if self._view is None:
             if self._simulation is None:
                 raise ResetNeededError("call reset() before render()")
@@ -308,8 +324,10 @@ class ManipulationEnv(CopiedByState, gym.Env[Any, np.ndarray]):
         self._simulation, self._target, self._goal = simulation, target, goal
 
     def _observe(self, info: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
-        """The observation of this instant, and `info` with what its mode adds."""
+        """The observation of this instant, and `info` with what its mode adds; the window shows it, too."""
         instant = Instant(self.snapshot, self._goal, 0, self._level, int(self._progress.elapsed[0]))
+        if self._window is not None:
+            self._window.show(self._picture())
         observation = empty_observation(self._observer.space)
         return observation, info | self._observer.observe(instant, observation)
 

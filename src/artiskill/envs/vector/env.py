@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 from artiskill.envs.casting import Casting, ObjectChoice
 from artiskill.envs.control import JOINT, Control
 from artiskill.envs.copying import CopiedByState
-from artiskill.envs.modes import OBSERVERS, RENDER_MODES, check_modes, checked_options
+from artiskill.envs.modes import OBSERVERS, VECTOR_RENDER_MODES, check_modes, checked_options
 from artiskill.envs.observation import Observer, StateObserver
 from artiskill.envs.state import EnvState
 from artiskill.envs.vector.attributes import SINGLE, EnvAttributes
@@ -51,7 +51,8 @@ class ManipulationVectorEnv(CopiedByState, gym.vector.VectorEnv[Any, Any, Any]):
 
     Args:
         num_envs: B.
-        task, objects, target, obs_mode, reward_mode, control_mode, render_mode, config: as of `ManipulationEnv`.
+        task, objects, target, obs_mode, reward_mode, control_mode, config: as of `ManipulationEnv`.
+        render_mode: None or `rgb_array`; a window is for single environments.
         env_objects: what each environment draws from, if not all from the same: B choices.
         num_threads: threads that step and draw; None for one per core, but no more than B.
         copy: whether observations are the caller's to keep. Else each call writes into the same arrays.
@@ -63,7 +64,7 @@ class ManipulationVectorEnv(CopiedByState, gym.vector.VectorEnv[Any, Any, Any]):
         UnknownNameError, ConfigError: as `ManipulationEnv`; also fewer than one environment or thread.
     """
 
-    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 20}  # noqa: RUF012 - as in Gymnasium
+    metadata: dict[str, Any] = {"render_modes": list(VECTOR_RENDER_MODES), "render_fps": 20}  # noqa: RUF012 - as in Gymnasium
 
     def __init__(
         self,
@@ -82,7 +83,7 @@ class ManipulationVectorEnv(CopiedByState, gym.vector.VectorEnv[Any, Any, Any]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ) -> None:
         already = frozenset(vars(self))
-        check_modes(obs_mode, reward_mode, control_mode, render_mode)
+        check_modes(obs_mode, reward_mode, control_mode, render_mode, VECTOR_RENDER_MODES)
         self.num_envs = at_least_one("num_envs", num_envs)
         self.num_threads = thread_count(num_threads, num_envs)
         self.task = make_task(task, config)
