@@ -35,10 +35,10 @@ test-slow: ## run the tests that take minutes
 	$(python) -m pytest -n $(WORKERS) -m slow
 
 test-rl: VENV = .venv-rl
-test-rl: ## run the tests that need torch or Stable-Baselines3, in .venv-rl
+test-rl: ## run the tests that need torch, TorchRL or Stable-Baselines3, in .venv-rl
 	$(bootstrap) test-rl
 	$(python) -m pytest tests/envs tests/tasks tests/evaluation -n $(WORKERS) -m "slow or not slow" \
-		-k "sb3 or torch or stable_baselines or example"
+		-k "sb3 or torch or stable_baselines or example or record_video"
 
 test-lerobot: VENV = .venv-lerobot
 test-lerobot: ## let LeRobot read what is exported for it, in .venv-lerobot

@@ -12,6 +12,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
 
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.vector.env import ManipulationVectorEnv
@@ -135,6 +136,21 @@ def test_without_a_display_it_says_so(driver: str | None, pygame: Any, monkeypat
     with pytest.raises(ConfigError, match=r"no display .*DISPLAY.*rgb_array"):
         make()
     assert not pygame.display.get_init()
+
+
+def test_gymnasiums_checker_is_silent_without_a_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It makes an environment of every mode that one tells of."""
+    for name in ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER", "DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    env = gym.make("ArtiSkill/MoveBucket-v0", objects=OBJECT, render_mode="rgb_array")
+    assert env.metadata["render_modes"] == ["rgb_array"]
+    check_env(env.unwrapped)
+
+
+def test_gymnasiums_checker_is_silent_with_a_display(pygame: Any) -> None:
+    env = gym.make("ArtiSkill/MoveBucket-v0", objects=OBJECT, render_mode="rgb_array")
+    assert env.metadata["render_modes"] == ["rgb_array", "human"]
+    check_env(env.unwrapped)
 
 
 def test_vectors_have_no_window() -> None:

@@ -15,7 +15,7 @@ from artiskill.envs.modes import OBSERVERS, RENDER_MODES, check_modes, checked_o
 from artiskill.envs.observation import Instant, Observer, empty_observation
 from artiskill.envs.rendering import Viewpoint, WorldView
 from artiskill.envs.state import EnvState, check_progress
-from artiskill.envs.window import Window
+from artiskill.envs.window import open_window, render_modes_here
 from artiskill.errors import ConfigError, DivergedError, ResetNeededError, StateError
 from artiskill.scene.cache import cached_scene
 from artiskill.scene.scene import Scene
@@ -112,9 +112,8 @@ class ManipulationEnv(CopiedByState, gym.Env[Any, np.ndarray]):
         self._simulation: Simulation | None = None
         self.observe_with(OBSERVERS[obs_mode])
         self._view: WorldView | None = None
-        self._window = (
-            Window(f"ArtiSkill: {task}", self.metadata["render_fps"]) if render_mode == "human" else None
-        )
+        self._window = open_window(render_mode, f"ArtiSkill: {task}", self.metadata["render_fps"])
+        self.metadata = self.metadata | {"render_modes": render_modes_here(render_mode)}
         self._progress = Progress(1, self.task.flag_names, self.task.hold_steps)
         self._goal: Goal = None
         self._snapshot: Snapshot | None = None

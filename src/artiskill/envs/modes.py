@@ -17,7 +17,8 @@ OBSERVERS: dict[str, Callable[[Task], Observer]] = {
 OBSERVATION_MODES: tuple[str, ...] = tuple(OBSERVERS)
 REWARD_MODES: tuple[str, ...] = ("dense", "sparse")
 VECTOR_RENDER_MODES: tuple[str, ...] = ("rgb_array",)
-RENDER_MODES: tuple[str, ...] = (*VECTOR_RENDER_MODES, "human")
+HUMAN = "human"
+RENDER_MODES: tuple[str, ...] = (*VECTOR_RENDER_MODES, HUMAN)
 
 
 def check_modes(

@@ -2,14 +2,17 @@
 
 import os
 import warnings
+from importlib.util import find_spec
 from typing import Any, ClassVar
 from weakref import WeakSet
 
 import numpy as np
 
+from artiskill.envs.modes import HUMAN, RENDER_MODES
 from artiskill.errors import ConfigError, MissingExtraError
 
 EXTRA = "viewer"
+_DISPLAYS, _DRIVERS = ("DISPLAY", "WAYLAND_DISPLAY"), ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
 _NOT_SEEN = ("dummy", "offscreen")  # what SDL falls back to, silently, where there is no display
 
 
@@ -65,6 +68,28 @@ class Window:
             self._pygame.display.quit()
 
 
+def open_window(render_mode: str | None, title: str, fps: float) -> Window | None:
+    """The window of a render mode: None unless that is `human`.
+
+    Raises:
+        MissingExtraError, ConfigError: as `Window`.
+    """
+    return Window(title, fps) if render_mode == HUMAN else None
+
+
+def render_modes_here(render_mode: str | None) -> list[str]:
+    """The modes that other environments could have here: `human` where a window can be seen.
+
+    Gymnasium's `check_env` makes an environment of every mode that one tells of.
+
+    Args:
+        render_mode: of this environment, which is certainly one.
+    """
+    display = any(os.environ.get(name) for name in (*_DISPLAYS, *_DRIVERS))
+    shown = render_mode == HUMAN or (display and find_spec("pygame") is not None)
+    return [mode for mode in RENDER_MODES if mode != HUMAN or shown]
+
+
 def _import_pygame() -> Any:
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")  # or importing it prints a greeting
     try:
@@ -88,7 +113,7 @@ def _open_display(pygame: Any) -> None:
         found = pygame.display.get_driver()
     except pygame.error as error:
         found = str(error)
-    wanted = os.environ.get("SDL_VIDEODRIVER") or os.environ.get("SDL_VIDEO_DRIVER")
+    wanted = any(os.environ.get(name) for name in _DRIVERS)
     if not pygame.display.get_init() or (found in _NOT_SEEN and not wanted):
         pygame.display.quit()
         raise ConfigError(
