@@ -10,7 +10,7 @@ bootstrap = @$(PYTHON) tools/bootstrap.py --venv $(VENV)
 python = $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-dev demo test test-slow test-rl test-lerobot test-ray lint types format bench clean clean-env
+.PHONY: help setup setup-dev demo test test-slow test-rl test-lerobot test-ray test-gltf lint types format bench clean clean-env
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
@@ -35,10 +35,10 @@ test-slow: ## run the tests that take minutes
 	$(python) -m pytest -n $(WORKERS) -m slow
 
 test-rl: VENV = .venv-rl
-test-rl: ## run the tests that need torch or Stable-Baselines3, in .venv-rl
+test-rl: ## run the tests that need torch, TorchRL or Stable-Baselines3, in .venv-rl
 	$(bootstrap) test-rl
 	$(python) -m pytest tests/envs tests/tasks tests/evaluation -n $(WORKERS) -m "slow or not slow" \
-		-k "sb3 or torch or stable_baselines or example"
+		-k "sb3 or torch or stable_baselines or example or record_video"
 
 test-lerobot: VENV = .venv-lerobot
 test-lerobot: ## let LeRobot read what is exported for it, in .venv-lerobot
@@ -53,6 +53,11 @@ test-ray: VENV = .venv-ray
 test-ray: ## run the tests that need a Ray cluster, of two nodes here, in .venv-ray
 	$(bootstrap) distributed test
 	$(python) -m pytest tests/jobs tests/demos/test_collect_ray.py -m "slow or not slow" -k ray
+
+test-gltf: ## let Khronos' validator read every exported glTF; needs Node.js
+	$(bootstrap) test
+	npm install --no-audit --no-fund --no-save --prefix $(VENV) gltf-validator@2.0.0-dev.3.10
+	$(python) -m pytest tests/exports -m "slow or not slow" -k "gltf or glb"
 
 lint: ## check style and layout
 	$(bootstrap) dev

@@ -44,7 +44,7 @@ VALUE_ROOMS = {"sensors", "tasks", "experts"}
 SIM_VALUES = ("artiskill.sim.snapshot", "artiskill.sim.states")
 TORCH_ROOMS = {"learning"}
 
-LONGEST_FILE = 300
+LONGEST_FILE = 350
 # file -> why it is one file all the same
 LONG_FILES: dict[str, str] = {}
 

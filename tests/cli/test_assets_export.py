@@ -22,6 +22,45 @@ def test_the_folder_is_named_after_object_and_format(tmp_path: Path, monkeypatch
     assert (tmp_path / "exported" / "generated-bucket-3-urdf" / "mobility.urdf").is_file()
 
 
+def test_several_objects_get_a_folder_each(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    names = ["bucket-0001", "generated:chair:7"]
+    assert main(["assets", "export", *names, "--format", "urdf", "--out", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    for object_id in ("bucket-0001", "generated-chair-7"):
+        file = tmp_path / object_id / "mobility.urdf"
+        assert f"{object_id}: {file}" in said
+        assert file.is_file()
+
+
+def test_several_objects_have_a_folder_of_their_own_by_default(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["assets", "export", "generated:bucket:3..4", "--format", "mjcf"]) == 0
+    assert sorted(path.name for path in (tmp_path / "exported" / "mjcf").iterdir()) == [
+        "generated-bucket-3",
+        "generated-bucket-4",
+    ]
+
+
+def test_another_object_is_not_replaced_unasked(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    def export(name: str, *more: str) -> int:
+        return main(["assets", "export", name, "--format", "urdf", "--out", str(tmp_path / "out"), *more])
+
+    assert export("bucket-0001") == 0
+    assert export("bucket-0001") == 0
+    assert export("bucket-0002") == 2
+    assert "an export of 'bucket-0001'" in capsys.readouterr().err
+    assert export("bucket-0002", "--force") == 0
+
+
+def test_gltf_is_understood(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    pytest.importorskip("trimesh", reason="needs the extra `export`")
+    assert main(["assets", "export", "bucket-0001", "--format", "gltf", "--out", str(tmp_path / "out")]) == 0
+    assert (tmp_path / "out" / "bucket-0001.glb").is_file()
+    assert "reads glTF" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -109,7 +109,7 @@ def test_illegal_actions(env: ManipulationEnv, action: object, says: str) -> Non
         ({"objects": DOORS_ONLY}, AssetError, "no drawer"),
         ({"obs_mode": "states"}, UnknownNameError, "'state'"),
         ({"reward_mode": "dens"}, UnknownNameError, "'dense'"),
-        ({"render_mode": "human"}, UnknownNameError, "rgb_array"),
+        ({"render_mode": "humam"}, UnknownNameError, "did you mean 'human'"),
         ({"objects": DRAWERS, "target": "link_9"}, UnknownNameError, "link_3"),
         ({"config": {"episode_step": 3}}, ConfigError, "episode_steps"),
         ({"config": {"physics.timestep_s": 0.5}}, ConfigError, "timestep_s"),

@@ -72,6 +72,31 @@ def test_checker_is_silent_for_fewer_points() -> None:
     check_env(FlattenDict(PointCloudDownsample(make("pointcloud"), num_points=64)))
 
 
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")  # Python 3.12 and later, where there are threads
+@pytest.mark.parametrize("start_method", ["fork", "spawn"])
+def test_workers_of_other_processes_play(start_method: str) -> None:
+    sb3()
+    from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
+
+    makers = [lambda: make("state", config=SMALL | {"episode_steps": 4}, render_mode="rgb_array")] * 2
+    alone, workers = DummyVecEnv(makers), SubprocVecEnv(makers, start_method=start_method)
+    actions = np.linspace(-1, 1, 26, dtype=np.float32).reshape(2, 13)
+    for env in (alone, workers):
+        env.seed(3)
+    np.testing.assert_array_equal(alone.reset(), workers.reset())
+    for _ in range(6):
+        (seen, rewards, done, infos), theirs = alone.step(actions), workers.step(actions)
+        for mine, other in zip((seen, rewards, done), theirs[:3], strict=True):
+            np.testing.assert_array_equal(
+                mine, other.astype(mine.dtype)
+            )  # one of the two keeps rewards in float64
+        assert [info["level"] for info in infos] == [info["level"] for info in theirs[3]]
+    states = workers.env_method("save_state")
+    alone.env_method("restore_state", states[1], indices=0)
+    np.testing.assert_array_equal(alone.get_images()[0], workers.get_images()[1])
+    workers.close()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", OBSERVATION_MODES)
 def test_a_policy_trains_in_every_mode(mode: str) -> None:

@@ -4,9 +4,10 @@ import json
 
 import pytest
 
+from artiskill.assets.catalog import load_object
 from artiskill.errors import AssetError, ConfigError, UnknownNameError
 from artiskill.exports import mjcf
-from artiskill.exports.export import FORMATS, export_object
+from artiskill.exports.export import FORMATS, export_object, export_objects
 from artiskill.exports.folders import MARKER
 
 
@@ -39,6 +40,45 @@ def test_an_earlier_export_is_replaced(odd_chair, tmp_path):
     export_object(odd_chair, "urdf", tmp_path / "out")
     assert not (tmp_path / "out" / "odd-chair.xml").exists()
     assert [path.name for path in tmp_path.iterdir()] == ["out"], "no temporary folder is left"
+
+
+@pytest.mark.parametrize("object_id", ["bucket-0001", "bucket-0002"])
+def test_another_object_is_left_alone_unless_forced(object_id, odd_chair, tmp_path):
+    path = export_object(odd_chair, "urdf", tmp_path / "out")
+    before = path.read_bytes()
+    with pytest.raises(ConfigError, match=r"an export of 'odd-chair'.*--force"):
+        export_object(load_object(object_id), "urdf", tmp_path / "out")
+    assert path.read_bytes() == before
+    export_object(load_object(object_id), "urdf", tmp_path / "out", force=True)
+    assert path.read_bytes() != before
+
+
+@pytest.mark.parametrize(
+    "marker", ["{", "[]", "{}", "\0", "[" * 60_000, "{" + " " * 70_000 + '"object": "odd-chair"}']
+)
+def test_a_damaged_marker_is_nobodys(marker, odd_chair, tmp_path):
+    path = export_object(odd_chair, "urdf", tmp_path / "out")
+    (tmp_path / "out" / MARKER).write_text(marker)
+    with pytest.raises(ConfigError, match="which no export wrote"):
+        export_object(odd_chair, "mjcf", tmp_path / "out")
+    assert path.is_file()
+
+
+def test_several_objects_get_a_folder_each(odd_chair, tmp_path):
+    written = list(export_objects((odd_chair, "bucket-0001"), "urdf", tmp_path))
+    assert [(obj.id, path) for obj, path in written] == [
+        ("odd-chair", tmp_path / "odd-chair" / "mobility.urdf"),
+        ("bucket-0001", tmp_path / "bucket-0001" / "mobility.urdf"),
+    ]
+    assert next(export_objects(("bucket-0001",), "urdf", tmp_path))[1] == written[1][1]
+
+
+def test_no_folder_is_written_if_one_of_them_is_taken(odd_chair, tmp_path):
+    (tmp_path / "bucket-0001").mkdir()
+    (tmp_path / "bucket-0001" / "thesis.tex").write_text("years of work")
+    with pytest.raises(ConfigError, match=r"thesis\.tex"):
+        list(export_objects((odd_chair, "bucket-0001"), "urdf", tmp_path))
+    assert [path.name for path in tmp_path.iterdir()] == ["bucket-0001"]
 
 
 def test_a_foreign_folder_is_left_alone_unless_forced(odd_chair, tmp_path):
@@ -80,4 +120,13 @@ def test_a_failure_leaves_the_earlier_export(odd_chair, tmp_path, monkeypatch):
 def test_formats_are_named(odd_chair, tmp_path):
     with pytest.raises(UnknownNameError, match="did you mean 'urdf'"):
         export_object(odd_chair, "urdfs", tmp_path / "out")
+    with pytest.raises(UnknownNameError, match="Legal: glb, gltf, mjcf, urdf"):
+        export_object(odd_chair, "glft", tmp_path / "out")
     assert FORMATS == ("mjcf", "urdf", "glb")
+
+
+def test_gltf_is_another_name_of_glb(odd_chair, tmp_path):
+    pytest.importorskip("trimesh", reason="needs the extra `export`")
+    path = export_object(odd_chair, "gltf", tmp_path / "out")
+    assert path.name == "odd-chair.glb"
+    assert json.loads(path.with_name(MARKER).read_text())["format"] == "glb"

@@ -85,7 +85,7 @@ class VectorSubject:
         )
         if case.points is not None:
             sampler = make_sampler(_METHOD, case.points, case.sampling)
-            env.observe_with(lambda: PointCloudObserver(env.task, sampler, "world"))
+            env.observe_with(lambda task: PointCloudObserver(task, sampler, "world"))
         self.task, self.action_size, self._env = env.task, env.control.size, env
 
     def start(self, levels: np.ndarray) -> None:

@@ -1,4 +1,4 @@
-"""`artiskill assets export`: an object as files of other programs."""
+"""`artiskill assets export`: objects as files of other programs."""
 
 import argparse
 from pathlib import Path
@@ -7,7 +7,8 @@ from typing import Any
 _EPILOG = """examples:
   artiskill assets export cabinet-0001 --format mjcf --out exported/cabinet-0001
   artiskill assets export generated:chair:7 --format urdf --out exported/chair
-  artiskill assets export partnet:40147 --format glb --out exported/40147
+  artiskill assets export partnet:40147 --format gltf --out exported/40147
+  artiskill assets export cabinet-0001 chair-0003 --format urdf --out exported     a folder each
 
 docs/objects.md says what each format holds."""
 
@@ -22,28 +23,43 @@ def add_command(commands: Any) -> None:
     """Describe the command."""
     parser = commands.add_parser(
         "export",
-        help="write an object as MJCF, URDF or glTF",
-        description="Write an object as MJCF, URDF or glTF, into a folder that needs nothing outside it.",
+        help="write objects as MJCF, URDF or glTF",
+        description="Write objects as MJCF, URDF or glTF, each into a folder that needs nothing outside it.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("object", help="an id, generated:<category>:<seed>, partnet:<id> or a path")
-    parser.add_argument("--format", required=True, help="mjcf, urdf or glb")
-    parser.add_argument("--out", type=Path, metavar="FOLDER", help="(default: exported/<id>-<format>)")
-    parser.add_argument("--force", action="store_true", help="replace a folder that holds other files")
+    parser.add_argument(
+        "objects", nargs="+", help="ids, generated:<category>:<seed>, partnet:<id>, paths, or splits"
+    )
+    parser.add_argument("--format", required=True, help="mjcf, urdf or glb (also called gltf)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FOLDER",
+        help="of one object (default: exported/<id>-<format>); of several, each has a folder of its id in it "
+        "(default: exported/<format>)",
+    )
+    parser.add_argument(
+        "--force", action="store_true", help="replace a folder that holds other files, or another object"
+    )
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Load, write, and say what reads it."""
-    from artiskill.assets.catalog import load_object
-    from artiskill.errors import UnknownNameError
-    from artiskill.exports.export import FORMATS, export_object
+    from artiskill.assets.catalog import load_object, object_id_of, resolve_objects
+    from artiskill.exports.export import export_object, export_objects, format_named
 
-    if arguments.format not in FORMATS:  # said before an import that takes a while
-        raise UnknownNameError("format", arguments.format, FORMATS)
-    obj = load_object(arguments.object)
-    folder = arguments.out or Path("exported") / f"{obj.id}-{arguments.format}"
-    path = export_object(obj, arguments.format, folder, arguments.force)
-    print(f"{obj.id}: {path}")
-    print(f"read it with {_HOW_TO_READ[arguments.format].format(path=str(path), folder=str(path.parent))}")
+    name = format_named(arguments.format)  # said before an import that takes a while
+    items = resolve_objects(arguments.objects)
+    if len(items) > 1:
+        path = Path()
+        for obj, path in export_objects(items, name, arguments.out or Path("exported") / name, arguments.force):
+            print(f"{obj.id}: {path}", flush=True)
+    else:
+        obj = load_object(items[0]) if isinstance(items[0], str) else items[0]
+        folder = arguments.out or Path("exported") / f"{object_id_of(obj)}-{name}"
+        path = export_object(obj, name, folder, arguments.force)
+        print(f"{obj.id}: {path}")
+    which = "it" if len(items) == 1 else "one"
+    print(f"read {which} with {_HOW_TO_READ[name].format(path=str(path), folder=str(path.parent))}")

@@ -51,14 +51,19 @@ class Casting:
             object_choice = self.choices[int(generator.integers(len(self.choices)))]
         obj = self.find(object_choice)
         if not (isinstance(object_choice, str) and is_nameable(object_choice)):
-            self._remember(obj)
+            self.remember(obj)
         target = self.fixed_target if target is None else target
         targets = self.check_target(obj, target)
         if target is None:
             target = targets[int(level_generator(level, Stream.TARGET).integers(len(targets)))]
         return obj, target
 
-    def _remember(self, obj: ArticulatedObject) -> None:
+    @property
+    def handed_in(self) -> tuple[ArticulatedObject, ...]:
+        """The objects that are remembered, the last one last."""
+        return tuple(self._known.values())
+
+    def remember(self, obj: ArticulatedObject) -> None:
         """An object that its id may not lead to: saved states name it."""
         self._known.pop(obj.id, None)
         self._known[obj.id] = obj

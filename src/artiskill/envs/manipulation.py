@@ -1,6 +1,7 @@
 """`ManipulationEnv`: the Gymnasium face of a task, one episode at a time."""
 
-from collections.abc import Mapping
+import copy
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import gymnasium as gym
@@ -9,11 +10,13 @@ import numpy as np
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.envs.casting import Casting, ObjectChoice
 from artiskill.envs.control import JOINT, Control
+from artiskill.envs.copying import CopiedByState
 from artiskill.envs.modes import OBSERVERS, RENDER_MODES, check_modes, checked_options
 from artiskill.envs.observation import Instant, Observer, empty_observation
 from artiskill.envs.rendering import Viewpoint, WorldView
 from artiskill.envs.state import EnvState, check_episode
-from artiskill.errors import ConfigError, ResetNeededError
+from artiskill.envs.window import open_window, render_modes_here
+from artiskill.errors import ConfigError, DivergedError, ResetNeededError
 from artiskill.scene.cache import cached_scene
 from artiskill.scene.scene import Scene
 from artiskill.sim.simulation import Simulation
@@ -21,10 +24,10 @@ from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.levels import MAX_LEVEL, Stream, check_level, level_generator
 from artiskill.tasks.progress import Progress
 from artiskill.tasks.registry import make_task
-from artiskill.tasks.task import Flags, Goal
+from artiskill.tasks.task import Flags, Goal, Task
 
 
-class ManipulationEnv(gym.Env[Any, np.ndarray]):
+class ManipulationEnv(CopiedByState, gym.Env[Any, np.ndarray]):
     """One task, over one object or many, as a Gymnasium environment.
 
     ## Action space
@@ -67,7 +70,7 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
 
     `info` has `object`, `level`, `target`, `success`, `flags` (condition -> has it held for half a second by now)
     and `reward_terms`; in visual modes also `cameras`, their intrinsics and extrinsics. To branch an episode use
-    `save_state`, which pickles; the environment itself holds engine memory and can be neither copied nor pickled.
+    `save_state`, which pickles. `copy.deepcopy` and `pickle` make another environment at the same instant.
 
     Args:
         task: name of the task.
@@ -76,12 +79,13 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
         obs_mode: `state`, `pointcloud` or `rgbd`.
         reward_mode: `dense` or `sparse`.
         control_mode: `joint` or `operational_space`.
-        render_mode: None or `rgb_array`.
+        render_mode: None, `rgb_array`, or `human`: a window, drawn at every `reset` and `step`, in real time.
         config: values of the task's YAML to change, `{"episode_steps": 100}`; keys may be dotted.
 
     Raises:
         UnknownNameError: an unknown task, object, split, mode or target link.
-        ConfigError: an unknown or illegal configuration value.
+        ConfigError: an unknown or illegal configuration value; no display for `human`.
+        MissingExtraError: `human` without the extra `viewer`.
     """
 
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 20}  # noqa: RUF012 - as in Gymnasium
@@ -97,21 +101,25 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
         render_mode: str | None = None,
         config: Mapping[str, Any] | None = None,
     ) -> None:
+        already = frozenset(vars(self))
         check_modes(obs_mode, reward_mode, control_mode, render_mode)
         self.task = make_task(task, config)
+        self._config = copy.deepcopy(config)
         self.obs_mode, self.reward_mode, self.render_mode = obs_mode, reward_mode, render_mode
         self._casting = Casting(self.task, objects, target)
         self.control = Control(self.task.robot, control_mode)
-        self._observer = OBSERVERS[obs_mode](self.task)
-        self.observation_space = self._observer.space
         self.action_space = self.control.space
         self._simulation: Simulation | None = None
+        self.observe_with(OBSERVERS[obs_mode])
         self._view: WorldView | None = None
+        self._window = open_window(render_mode, f"ArtiSkill: {task}", self.metadata["render_fps"])
+        self.metadata = self.metadata | {"render_modes": render_modes_here(render_mode)}
         self._progress = Progress(1, self.task.flag_names, self.task.hold_steps)
         self._goal: Goal = None
         self._snapshot: Snapshot | None = None
         self._target = ""
         self._level = -1
+        self._remade = frozenset(vars(self)) - already
 
     # -- episodes ------------------------------------------------------------------------------------------------
 
@@ -163,27 +171,43 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
         observation, info = self._observe(info)
         return observation, reward, success, truncated, info
 
-    def render(self) -> np.ndarray:
-        """The scene from the world camera, (480, 640, 3) uint8.
+    def render(self) -> Any:
+        """The scene from the world camera, (480, 640, 3) uint8; None with `human`, whose window shows it.
 
         Raises:
             ResetNeededError: called before the first `reset`.
-            ConfigError: the environment was made without `render_mode="rgb_array"`.
+            ConfigError: the environment was made without a render mode.
         """
         if self.render_mode is None:
             raise ConfigError("this environment was made without a render mode; pass render_mode='rgb_array'")
+        picture = self._picture()
+        if self._window is None:
+            return picture
+        return self._window.show(picture)
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._window.close()
+
+    def _picture(self) -> np.ndarray:
         if self._view is None:
             if self._simulation is None:
                 raise ResetNeededError("call reset() before render()")
             self._view = WorldView(self._simulation.scene, Viewpoint().camera(self.task.world_camera))
         return self._view.draw(self.snapshot)
 
-    def observe_with(self, observer: Observer) -> None:
-        """Observe in another way from the next `reset`, `step` or `restore_state` on; for wrappers."""
-        self._observer = observer
-        self.observation_space = observer.space
+    def observe_with(self, make_observer: Callable[[Task], Observer]) -> None:
+        """Observe in another way from the next `reset`, `step` or `restore_state` on; for wrappers.
+
+        Args:
+            make_observer: called once, and again in every copy of the environment: what pickles, if those shall.
+        """
+        self._make_observer = make_observer
+        self._observer = make_observer(self.task)
+        self.observation_space = self._observer.space
         if self._simulation is not None:
-            observer.enter(self._simulation.scene, self._target)
+            self._observer.enter(self._simulation.scene, self._target)
 
     # -- state ---------------------------------------------------------------------------------------------------
 
@@ -249,6 +273,35 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
             raise ResetNeededError("call reset() first")
         return self._goal
 
+    # -- copies, see `CopiedByState` -----------------------------------------------------------------------------
+
+    def _arguments(self) -> dict[str, Any]:
+        return {
+            "task": self.task.name,
+            "objects": self._casting.choices,
+            "target": self._casting.fixed_target,
+            "obs_mode": self.obs_mode,
+            "reward_mode": self.reward_mode,
+            "control_mode": self.control.mode,
+            "render_mode": self.render_mode,
+            "config": self._config,
+        }
+
+    def _save_episodes(self) -> dict[str, Any]:
+        if self._simulation is not None and (causes := self._simulation.diverged()):
+            raise DivergedError(causes)
+        state = None if self._simulation is None else self.save_state()
+        return {"handed_in": self._casting.handed_in, "state": state}
+
+    def _restore_episodes(self, saved: dict[str, Any]) -> None:
+        for obj in saved["handed_in"]:
+            self._casting.remember(obj)
+        if saved["state"] is not None:
+            self.restore_state(saved["state"])
+
+    def _castings(self) -> tuple[Casting, ...]:
+        return (self._casting,)
+
     # -- inside --------------------------------------------------------------------------------------------------
 
     def _simulation_of(self, obj: ArticulatedObject) -> Simulation:
@@ -268,8 +321,10 @@ class ManipulationEnv(gym.Env[Any, np.ndarray]):
         self._simulation, self._target, self._goal = simulation, target, goal
 
     def _observe(self, info: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
-        """The observation of this instant, and `info` with what its mode adds."""
+        """The observation of this instant, and `info` with what its mode adds; the window shows it, too."""
         instant = Instant(self.snapshot, self._goal, 0, self._level, int(self._progress.elapsed[0]))
+        if self._window is not None:
+            self._window.show(self._picture())
         observation = empty_observation(self._observer.space)
         return observation, info | self._observer.observe(instant, observation)
 

@@ -16,16 +16,20 @@ OBSERVERS: dict[str, Callable[[Task], Observer]] = {
 }
 OBSERVATION_MODES: tuple[str, ...] = tuple(OBSERVERS)
 REWARD_MODES: tuple[str, ...] = ("dense", "sparse")
-RENDER_MODES: tuple[str, ...] = ("rgb_array",)
+VECTOR_RENDER_MODES: tuple[str, ...] = ("rgb_array",)
+HUMAN = "human"
+RENDER_MODES: tuple[str, ...] = (*VECTOR_RENDER_MODES, HUMAN)
 
 
-def check_modes(observation: str, reward: str, control: str, render: str | None) -> None:
+def check_modes(
+    observation: str, reward: str, control: str, render: str | None, legal_render: tuple[str, ...] = RENDER_MODES
+) -> None:
     """Raise UnknownNameError unless all are legal."""
     check_name("observation mode", observation, OBSERVATION_MODES)
     check_name("reward mode", reward, REWARD_MODES)
     check_name("control mode", control, CONTROL_MODES)
     if render is not None:
-        check_name("render mode", render, RENDER_MODES)
+        check_name("render mode", render, legal_render)
 
 
 def checked_options(given: object, legal: tuple[str, ...]) -> dict[str, Any]:

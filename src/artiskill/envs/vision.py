@@ -13,7 +13,7 @@ import numpy as np
 from artiskill.envs.observation import Instant
 from artiskill.errors import UnknownNameError
 from artiskill.scene.scene import Scene
-from artiskill.sensors.downsample import Sampler
+from artiskill.sensors.downsample import Sampler, make_sampler
 from artiskill.sensors.panorama import Panorama
 from artiskill.sensors.picture_sight import CHANNELS, PictureSight
 from artiskill.sensors.point_cloud import Rays, move_to_frame
@@ -185,6 +185,16 @@ class PointCloudObserver:
         if self._frame != "world":
             move_to_frame(xyz[:found], *_frame_pose(self._frame, instant))
         return info
+
+
+def sampled_points(task: Task, method: str, num_points: int, frame: str, **settings: Any) -> PointCloudObserver:
+    """A `PointCloudObserver` of fewer points, from what names its sampler.
+
+    Raises:
+        UnknownNameError: no such method or frame.
+        ConfigError: an illegal setting.
+    """
+    return PointCloudObserver(task, make_sampler(method, num_points, settings), frame)
 
 
 def _frame_pose(frame: str, instant: Instant) -> tuple[np.ndarray, np.ndarray]:

@@ -1,15 +1,15 @@
 """Gymnasium wrappers for ArtiSkill's environments."""
 
 import math
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.vision import PointCloudObserver
+from artiskill.envs.vision import PointCloudObserver, sampled_points
 from artiskill.errors import ConfigError
-from artiskill.sensors.downsample import make_sampler
 
 
 class PointCloudDownsample(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):
@@ -55,8 +55,7 @@ class PointCloudDownsample(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordCons
         )
         gym.Wrapper.__init__(self, env)
         base = _manipulation_env(env)
-        sampler = make_sampler(method, num_points, settings)
-        base.observe_with(PointCloudObserver(base.task, sampler, frame))
+        base.observe_with(partial(sampled_points, method=method, num_points=num_points, frame=frame, **settings))
 
 
 class FlattenDict(gym.ObservationWrapper[Any, Any, Any], gym.utils.RecordConstructorArgs):

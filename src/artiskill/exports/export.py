@@ -1,12 +1,13 @@
-"""`export_object`: an object to a self-contained folder of another program's format."""
+"""`export_object`: an object to a self-contained folder of another program's format; `export_objects`: many."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from artiskill import __version__
 from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.assets.catalog import load_object, object_id_of
 from artiskill.errors import UnknownNameError
-from artiskill.exports.folders import replace_folder
+from artiskill.exports.folders import check_replaceable, replace_folder
 from artiskill.exports.glb import write_glb
 from artiskill.exports.mjcf import write_mjcf
 from artiskill.exports.urdf import write_urdf
@@ -17,6 +18,7 @@ _WRITERS: dict[str, Callable[[ArticulatedObject, Path], Path]] = {
     "glb": write_glb,
 }
 FORMATS = tuple(_WRITERS)
+_OTHER_NAMES = {"gltf": "glb"}  # what else people call them
 
 
 def export_object(
@@ -29,27 +31,68 @@ def export_object(
 
     Args:
         obj: the object.
-        format: `mjcf` (MuJoCo), `urdf` (laid out like PartNet-Mobility; `load_object` reads it back) or `glb`
-            (binary glTF, for looking at; needs the extra `export`).
-        folder: made where it is missing; it appears complete or not at all. An earlier export there is replaced.
-        force: also replace a folder with other files in it.
+        format: `mjcf` (MuJoCo), `urdf` (laid out like PartNet-Mobility; `load_object` reads it back) or `glb`,
+            also called `gltf` (binary glTF, for looking at; needs the extra `export`).
+        folder: made where it is missing; it appears complete or not at all. An earlier export of this object there
+            is replaced.
+        force: also replace a folder with other files in it, or with another object.
 
     Returns:
         The main file: `<id>.xml`, `mobility.urdf` or `<id>.glb`.
 
     Raises:
         UnknownNameError: no such format.
-        ConfigError: the folder holds files that no export wrote, or cannot be written.
+        ConfigError: the folder holds files that no export of this object wrote, or cannot be written.
         MissingExtraError: `glb` without the extra `export`.
     """
-    if format not in _WRITERS:
-        raise UnknownNameError("format", format, FORMATS)
+    name = format_named(format)
     marker = {
         "made_by": f"ArtiSkill {__version__}",
-        "format": format,
+        "format": name,
         "object": obj.id,
         "category": obj.category,
         "content_hash": obj.content_hash,
         "source": str(obj.metadata.get("source", "unknown")),
     }
-    return replace_folder(Path(folder), lambda new: _WRITERS[format](obj, new), marker, force)
+    return replace_folder(Path(folder), lambda new: _WRITERS[name](obj, new), marker, force)
+
+
+def export_objects(
+    objects: Iterable[str | ArticulatedObject],
+    format: str,  # noqa: A002
+    folder: Path | str,
+    force: bool = False,
+) -> Iterator[tuple[ArticulatedObject, Path]]:
+    """Write each object to a folder of its own, `<folder>/<id>`, one after the other.
+
+    Args:
+        objects: themselves, or names that `load_object` takes.
+        format: as of `export_object`.
+        folder: above the objects' own.
+        force: as of `export_object`.
+
+    Yields:
+        Each object and its main file, once it is there.
+
+    Raises:
+        UnknownNameError, ConfigError, MissingExtraError: as `export_object`; of all folders before any is written.
+    """
+    name, above, items = format_named(format), Path(folder), tuple(objects)
+    for item in items:
+        object_id = object_id_of(item)
+        check_replaceable(above / object_id, object_id, force)
+    for item in items:
+        obj = load_object(item) if isinstance(item, str) else item
+        yield obj, export_object(obj, name, above / obj.id, force)
+
+
+def format_named(given: str) -> str:
+    """The one of `FORMATS` that a name means.
+
+    Raises:
+        UnknownNameError: none.
+    """
+    name = _OTHER_NAMES.get(given, given)
+    if name not in _WRITERS:
+        raise UnknownNameError("format", given, (*FORMATS, *_OTHER_NAMES))
+    return name

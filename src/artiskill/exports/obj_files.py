@@ -7,7 +7,7 @@ multiplied in, and its material is white.
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +49,14 @@ class FileMaterial:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceFile:
-    """One drawn surface: the index of its link, its file's name without ending, what it is made of."""
+    """One drawn surface: the index of its link, its file's name without ending, what it is made of.
+
+    Attributes:
+        link: index of the link.
+        stem: unique within the export.
+        visual: the surface; its material has a texture only if the mesh has coordinates for it.
+        material: as files hold it.
+    """
 
     link: int
     stem: str
@@ -62,7 +69,7 @@ def surface_files(obj: ArticulatedObject) -> tuple[SurfaceFile, ...]:
     materials: dict[tuple[object, ...], FileMaterial] = {}
     files = []
     for index, link in enumerate(obj.links):
-        drawn = [visual for visual in link.visuals if len(visual.mesh.faces)]
+        drawn = [_as_drawn(visual) for visual in link.visuals if len(visual.mesh.faces)]
         for number, visual in enumerate(drawn):
             key = _material_key(visual.material)
             if key not in materials:
@@ -151,6 +158,13 @@ def _distinct_normals(mesh: TriMesh) -> tuple[np.ndarray, np.ndarray]:
 
 def _numbers(values: list[float]) -> str:
     return " ".join(format(value + 0.0, ".9g") for value in values)  # + 0.0: no negative zeros
+
+
+def _as_drawn(visual: VisualMesh) -> VisualMesh:
+    """The surface as our pictures show it: without texture coordinates it has its plain colour, and no texture."""
+    if visual.mesh.uvs is not None or visual.material.texture is None:
+        return visual
+    return replace(visual, material=replace(visual.material, texture=None))
 
 
 def _material_key(material: Material) -> tuple[object, ...]:

@@ -136,7 +136,7 @@ class Simulation:
         self._ctrl[ids] = targets[ids]
         self._batch.step(env_ids, nstep=self.scene.physics.physics_steps_per_step, stage=_CURRENT)
         if self._batch.warning[ids, :, 1].any():
-            raise DivergedError(self._diverged(ids))
+            raise DivergedError(self.diverged(ids))
 
     def rollout(self, targets: np.ndarray) -> list[Snapshot]:
         """Environment steps under given drive targets, as predictive controllers ask for them.
@@ -162,8 +162,8 @@ class Simulation:
             snapshots.append(self.snapshot())
         return snapshots
 
-    def _diverged(self, ids: slice | np.ndarray) -> dict[int, Cause]:
-        """Which of these environments the engine has warned of, and how."""
+    def diverged(self, ids: slice | np.ndarray = slice(None)) -> dict[int, Cause]:
+        """Which environments, of these, the engine has warned of since their reset, and how."""
         causes: dict[int, Cause] = {}
         for env in np.arange(self.num_envs)[ids].tolist():
             kinds = np.flatnonzero(self._batch.warning[env, :, 1]).tolist()

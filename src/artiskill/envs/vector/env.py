@@ -1,6 +1,8 @@
 """`ManipulationVectorEnv`: many episodes of a task at once, as one of Gymnasium's vector environments."""
 
+import copy as copying
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
@@ -10,8 +12,9 @@ from gymnasium.vector.utils import batch_space
 
 from artiskill.envs.casting import Casting, ObjectChoice
 from artiskill.envs.control import JOINT, Control
-from artiskill.envs.modes import OBSERVERS, RENDER_MODES, check_modes, checked_options
-from artiskill.envs.observation import Observer
+from artiskill.envs.copying import CopiedByState
+from artiskill.envs.modes import OBSERVERS, VECTOR_RENDER_MODES, check_modes, checked_options
+from artiskill.envs.observation import Observer, StateObserver
 from artiskill.envs.state import EnvState
 from artiskill.envs.vector.attributes import SINGLE, EnvAttributes
 from artiskill.envs.vector.episodes import Episodes
@@ -28,15 +31,16 @@ from artiskill.envs.vector.options import (
     thread_count,
 )
 from artiskill.envs.vector.sight import Sight
-from artiskill.envs.vector.state import restore_env, save_env
+from artiskill.envs.vector.state import restore_all, restore_env, save_all, save_env
 from artiskill.envs.vector.views import WorldViews
 from artiskill.errors import Cause, ConfigError, DivergedError, ResetNeededError
 from artiskill.robots.actions import check_actions
 from artiskill.tasks.levels import check_level
 from artiskill.tasks.registry import make_task
+from artiskill.tasks.task import Task
 
 
-class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
+class ManipulationVectorEnv(CopiedByState, gym.vector.VectorEnv[Any, Any, Any]):
     """B episodes of one task, over one object or many, stepped as one batch.
 
     Each environment does bit for bit what a `ManipulationEnv` does with the same level and actions, for any number
@@ -47,7 +51,8 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
 
     Args:
         num_envs: B.
-        task, objects, target, obs_mode, reward_mode, control_mode, render_mode, config: as of `ManipulationEnv`.
+        task, objects, target, obs_mode, reward_mode, control_mode, config: as of `ManipulationEnv`.
+        render_mode: None or `rgb_array`; a window is for single environments.
         env_objects: what each environment draws from, if not all from the same: B choices.
         num_threads: threads that step and draw; None for one per core, but no more than B.
         copy: whether observations are the caller's to keep. Else each call writes into the same arrays.
@@ -59,7 +64,7 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         UnknownNameError, ConfigError: as `ManipulationEnv`; also fewer than one environment or thread.
     """
 
-    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 20}  # noqa: RUF012 - as in Gymnasium
+    metadata: dict[str, Any] = {"render_modes": list(VECTOR_RENDER_MODES), "render_fps": 20}  # noqa: RUF012 - as in Gymnasium
 
     def __init__(
         self,
@@ -77,14 +82,16 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         copy: bool = True,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ) -> None:
-        check_modes(obs_mode, reward_mode, control_mode, render_mode)
+        already = frozenset(vars(self))
+        check_modes(obs_mode, reward_mode, control_mode, render_mode, VECTOR_RENDER_MODES)
         self.num_envs = at_least_one("num_envs", num_envs)
         self.num_threads = thread_count(num_threads, num_envs)
         self.task = make_task(task, config)
         self.obs_mode, self.reward_mode, self.render_mode = obs_mode, reward_mode, render_mode
+        self._config = copying.deepcopy(config)
         self.gives_copies = copy
-        self._autoreset = as_autoreset_mode(autoreset_mode)
-        self.metadata = self.metadata | {"autoreset_mode": self._autoreset}
+        self.autoreset_mode = as_autoreset_mode(autoreset_mode)
+        self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
         each = [objects] if env_objects is None else per_env("env_objects", env_objects, num_envs)
         castings = [Casting(self.task, choice, target) for choice in each]
         self.control = Control(self.task.robot, control_mode)
@@ -93,10 +100,8 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         self._episodes = Episodes(self.task, castings * (num_envs // len(castings)), self.num_threads)
         self._done, self._all = np.zeros(num_envs, dtype=bool), np.ones(num_envs, dtype=bool)
         self._views, self._attributes = WorldViews(self._episodes), EnvAttributes(self._episodes)
-        if obs_mode == "state":
-            self._look_with(VectorStateObserver(self.task))
-        else:
-            self.observe_with(lambda: OBSERVERS[obs_mode](self.task))
+        self.observe_with(OBSERVERS[obs_mode])
+        self._remade = frozenset(vars(self)) - already
 
     # -- episodes ------------------------------------------------------------------------------------------------
 
@@ -149,7 +154,7 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         self._sight.check_open()
         self._check_begun("step()")
         resting = self._done
-        if self._autoreset is AutoresetMode.DISABLED and resting.any():
+        if self.autoreset_mode is AutoresetMode.DISABLED and resting.any():
             over = np.flatnonzero(resting).tolist()
             raise ResetNeededError(f"the episodes of environments {over} are over; reset them by a reset_mask")
         diverged = self._advance(actions, resting)
@@ -159,7 +164,7 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
             self._sight.stale[:] = True
             raise DivergedError(diverged)
         self._sight.renew()
-        at_once = self._autoreset is AutoresetMode.SAME_STEP and self._done.any()
+        at_once = self.autoreset_mode is AutoresetMode.SAME_STEP and self._done.any()
         final = self._restart_at_once() if at_once else {}
         info = with_masks(self._sight.look(), self._all)
         return self._sight.arrays, rewards, terminated, truncated, info | final
@@ -209,11 +214,18 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
 
     # -- observations --------------------------------------------------------------------------------------------
 
-    def observe_with(self, make_observer: Callable[[], Observer]) -> None:
-        """Observe in another way from the next `reset` or `step` on, each with its own observer; for wrappers."""
-        self._look_with(VectorVisionObserver(make_observer, self.num_envs, self.num_threads))
+    def observe_with(self, make_observer: Callable[[Task], Observer]) -> None:
+        """Observe in another way from the next `reset` or `step` on; for wrappers.
 
-    def _look_with(self, observer: VectorObserver) -> None:
+        Args:
+            make_observer: called for each environment, and again in copies: what pickles, if those shall.
+        """
+        self._make_observer = make_observer
+        observer: VectorObserver
+        if make_observer is StateObserver:
+            observer = VectorStateObserver(self.task)
+        else:
+            observer = VectorVisionObserver(partial(make_observer, self.task), self.num_envs, self.num_threads)
         self.single_observation_space = observer.space
         self.observation_space = batch_space(observer.space, self.num_envs)
         self._sight = Sight(self._episodes, observer, self.gives_copies)
@@ -296,3 +308,37 @@ class ManipulationVectorEnv(gym.vector.VectorEnv[Any, Any, Any]):
         if callable(found[0]):
             raise ConfigError(f"{name!r} is no method of one environment; legal: save_state, render")
         return found
+
+    # -- copies, see `CopiedByState` -----------------------------------------------------------------------------
+
+    def _arguments(self) -> dict[str, Any]:
+        first, *others = self._castings()
+        choices = [casting.choices for casting in self._episodes.castings]
+        return {
+            "num_envs": self.num_envs,
+            "task": self.task.name,
+            "objects": first.choices,
+            "target": first.fixed_target,
+            "obs_mode": self.obs_mode,
+            "reward_mode": self.reward_mode,
+            "control_mode": self.control.mode,
+            "render_mode": self.render_mode,
+            "config": self._config,
+            "env_objects": choices if others else None,
+            "num_threads": self.num_threads,
+            "copy": self.gives_copies,
+            "autoreset_mode": self.autoreset_mode,
+        }
+
+    def _save_episodes(self) -> dict[str, Any]:
+        return save_all(self._episodes) | {"done": self._done, "closed": self._sight.is_closed}
+
+    def _restore_episodes(self, saved: dict[str, Any]) -> None:
+        for env in restore_all(self._episodes, saved):
+            self._enter(env)
+        self._done = saved["done"].copy()
+        if saved["closed"]:
+            self._sight.close()
+
+    def _castings(self) -> tuple[Casting, ...]:
+        return tuple({id(casting): casting for casting in self._episodes.castings}.values())

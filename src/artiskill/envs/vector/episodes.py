@@ -28,6 +28,8 @@ class Episodes:
         num_threads: threads that step.
 
     Attributes:
+        castings: of each environment.
+        generators: (B,) what draws each environment's next levels; None before the first draw.
         fleet: their physics.
         progress: their steps and flags.
         levels: (B,) int64.
@@ -38,7 +40,7 @@ class Episodes:
     """
 
     def __init__(self, task: Task, castings: Sequence[Casting], num_threads: int) -> None:
-        self.task, self._castings = task, castings
+        self.task, self.castings = task, list(castings)
         count = len(castings)
         self.fleet = Fleet(count, num_threads)
         self.progress = Progress(count, task.flag_names, task.hold_steps)
@@ -46,7 +48,7 @@ class Episodes:
         self.objects, self.targets = (np.full(count, None, dtype=object) for _ in range(2))
         self.flags: dict[str, np.ndarray] = {}
         self.terms: dict[str, np.ndarray] = {}
-        self._generators: list[np.random.Generator | None] = [None] * count
+        self.generators: list[np.random.Generator | None] = [None] * count
         self._goal_of = lru_cache(_GOALS)(task.make_goal)
 
     @property
@@ -56,9 +58,9 @@ class Episodes:
 
     def next_level(self, env: int, seed: int | None = None) -> int:
         """The level of an environment's next episode, as a single environment draws it."""
-        if seed is not None or self._generators[env] is None:
-            self._generators[env], _ = seeding.np_random(seed)
-        generator = self._generators[env]
+        if seed is not None or self.generators[env] is None:
+            self.generators[env], _ = seeding.np_random(seed)
+        generator = self.generators[env]
         assert generator is not None
         return seed if seed is not None else int(generator.integers(MAX_LEVEL + 1))
 
@@ -82,7 +84,7 @@ class Episodes:
             AssetError: an object that does not fit the task; likewise.
         """
         cast = [
-            self._castings[env].draw(level, obj, target)
+            self.castings[env].draw(level, obj, target)
             for env, level, obj, target in zip(envs, levels, objects, targets, strict=True)
         ]
         starts = [self._begin(obj, target, level) for (obj, target), level in zip(cast, levels, strict=True)]
@@ -96,7 +98,7 @@ class Episodes:
 
     def choices_of(self, env: int) -> tuple[str | ArticulatedObject, ...]:
         """What an environment draws its objects from."""
-        return self._castings[env].choices
+        return self.castings[env].choices
 
     def draw_from(self, choices: Sequence[ObjectChoice]) -> None:
         """Have each environment draw its next objects from another choice.
@@ -104,8 +106,8 @@ class Episodes:
         Raises:
             UnknownNameError, AssetError: as of a new environment; nothing has changed then.
         """
-        castings = zip(self._castings, choices, strict=True)
-        self._castings = [Casting(self.task, choice, casting.fixed_target) for casting, choice in castings]
+        castings = zip(self.castings, choices, strict=True)
+        self.castings = [Casting(self.task, choice, casting.fixed_target) for casting, choice in castings]
 
     def _begin(self, obj: ArticulatedObject, target: str, level: int) -> Start:
         state = self.task.sample_initial_state(obj, level_generator(level, Stream.INITIAL_STATE))
@@ -121,8 +123,8 @@ class Episodes:
         Raises:
             UnknownNameError: there is none of this name, or it has no such target.
         """
-        obj = self._castings[env].find(object_id)
-        self._castings[env].check_target(obj, target)
+        obj = self.castings[env].find(object_id)
+        self.castings[env].check_target(obj, target)
         return obj
 
     def _scene(self, env: int) -> Scene | None:

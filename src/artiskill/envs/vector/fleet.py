@@ -182,6 +182,13 @@ class Fleet:
             squad.look()
         return diverged
 
+    def diverged(self) -> dict[int, Cause]:
+        """Environments whose physics has run away since their reset, and why."""
+        causes: dict[int, Cause] = {}
+        for squad, taken, members in self:
+            causes |= {int(members[k]): cause for k, cause in squad.simulation.diverged(taken).items()}
+        return causes
+
     def __iter__(self) -> Iterator[tuple[Squad, np.ndarray, np.ndarray]]:
         """Each squad with its taken slots and the environments in them."""
         for squad in self.squads:

@@ -6,11 +6,37 @@ from typing import Any
 import numpy as np
 
 
+class ObjectArray(np.ndarray):
+    """An array (B,) of names, or of observations, or of None; a type of its own for `ArrayConversion`'s sake."""
+
+
+def _register_conversion() -> None:
+    """Have Gymnasium's `ArrayConversion` (`NumpyToTorch`, ...), which takes numbers only, look inside."""
+    try:
+        from gymnasium.wrappers.array_conversion import array_conversion
+    except ImportError:  # Gymnasium before 1.2 has other wrappers
+        return
+
+    def convert(values: ObjectArray, xp: Any, device: Any = None) -> ObjectArray:
+        converted = np.full_like(values, None)
+        for i, value in enumerate(values):
+            converted[i] = value if isinstance(value, str) else array_conversion(value, xp, device)
+        return converted
+
+    array_conversion.register(ObjectArray, convert)
+
+
+_register_conversion()
+
+
 def with_masks(values: Mapping[str, Any], mask: np.ndarray) -> dict[str, Any]:
     """Arrays (B, ...) and nested mappings of them, each key `k` with `_k`, the (B,) mask, beside it."""
     out: dict[str, Any] = {}
     for key, value in values.items():
-        out[key] = with_masks(value, mask) if isinstance(value, Mapping) else value
+        if isinstance(value, Mapping):
+            out[key] = with_masks(value, mask)
+        else:
+            out[key] = value.view(ObjectArray) if value.dtype == object else value
         out[f"_{key}"] = mask.copy()
     return out
 

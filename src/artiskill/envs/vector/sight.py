@@ -6,7 +6,7 @@ import numpy as np
 
 from artiskill.envs.observation import empty_observation
 from artiskill.envs.vector.episodes import Episodes
-from artiskill.envs.vector.info import stacked
+from artiskill.envs.vector.info import ObjectArray, stacked
 from artiskill.envs.vector.observation import VectorObserver, copied, row_of
 from artiskill.errors import ConfigError
 
@@ -26,7 +26,7 @@ class Sight:
 
     def __init__(self, episodes: Episodes, observer: VectorObserver, gives_copies: bool) -> None:
         self._episodes, self._observer, self._gives_copies = episodes, observer, gives_copies
-        self._count, self._is_closed = len(episodes.levels), False
+        self._count, self.is_closed = len(episodes.levels), False
         self.arrays = empty_observation(observer.space, (self._count,))
         self.stale = np.ones(self._count, dtype=bool)
         for env in range(self._count if episodes.begun else 0):
@@ -63,7 +63,7 @@ class Sight:
 
     def close(self) -> None:
         """Stop the observer's threads."""
-        self._is_closed = True
+        self.is_closed = True
         self._observer.close()
 
     def check_open(self) -> None:
@@ -72,12 +72,12 @@ class Sight:
         Raises:
             ConfigError: it has.
         """
-        if self._is_closed:
+        if self.is_closed:
             raise ConfigError("this vector environment was closed: make another one")
 
-    def last_of(self, envs: np.ndarray) -> np.ndarray:
+    def last_of(self, envs: np.ndarray) -> ObjectArray:
         """(B,) of objects: copies of the observations of some environments, given as (B,) bool, else None."""
         found = np.full(self._count, None, dtype=object)
         for env in np.flatnonzero(envs).tolist():
             found[env] = copied(row_of(self.arrays, env))
-        return found
+        return found.view(ObjectArray)

@@ -1,8 +1,11 @@
 """Saved instants of single environments of a vector: the same as those of `ManipulationEnv`."""
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 from artiskill.envs.state import EnvState, check_episode
 from artiskill.envs.vector.episodes import Episodes
-from artiskill.errors import ResetNeededError
+from artiskill.errors import DivergedError, ResetNeededError
 from artiskill.sim.state_checks import check_state
 
 
@@ -46,3 +49,33 @@ def restore_env(episodes: Episodes, env: int, state: EnvState) -> None:
     episodes.progress.elapsed[env] = state.elapsed
     episodes.progress.streaks[env] = state.streaks
     episodes.evaluate()
+
+
+def save_all(episodes: Episodes) -> dict[str, Any]:
+    """Where all environments are, and what their next episodes are drawn from; detached from them.
+
+    Raises:
+        DivergedError: the physics of some ran away: there is no state to go on from.
+    """
+    if causes := episodes.fleet.diverged():
+        raise DivergedError(causes)
+    envs = range(len(episodes.levels)) if episodes.begun else ()
+    return {
+        "generators": episodes.generators,
+        "handed_in": [casting.handed_in for casting in episodes.castings],
+        "states": [save_env(episodes, env) for env in envs],
+    }
+
+
+def restore_all(episodes: Episodes, saved: Mapping[str, Any]) -> range:
+    """Take back what `save_all` told, into new episodes; the environments that have another state now."""
+    episodes.generators = list(saved["generators"])
+    for casting, objects in zip(episodes.castings, saved["handed_in"], strict=True):
+        for obj in objects:
+            casting.remember(obj)
+    states: Sequence[EnvState] = saved["states"]
+    envs = range(len(states))
+    episodes.start(envs, *([getattr(s, name) for s in states] for name in ("level", "object", "target")))
+    for env, state in zip(envs, states, strict=True):
+        restore_env(episodes, env, state)
+    return envs

@@ -1,17 +1,16 @@
 """Gymnasium wrappers for vector environments; they do what those of single environments do."""
 
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from gymnasium.vector.utils import batch_space
 
-from artiskill.envs.observation import Observer
 from artiskill.envs.vector.env import ManipulationVectorEnv
-from artiskill.envs.vision import PointCloudObserver
+from artiskill.envs.vision import PointCloudObserver, sampled_points
 from artiskill.envs.wrappers import flat_shape, flat_space, leaves
 from artiskill.errors import ConfigError
-from artiskill.sensors.downsample import make_sampler
 
 
 class VectorPointCloudDownsample(gym.vector.VectorWrapper):
@@ -45,12 +44,7 @@ class VectorPointCloudDownsample(gym.vector.VectorWrapper):
             )
         if env.single_observation_space != PointCloudObserver(base.task).space:
             raise ConfigError(f"apply down-sampling first, and once: {env} has other observations already")
-        task = base.task
-
-        def observer() -> Observer:
-            return PointCloudObserver(task, make_sampler(method, num_points, settings), frame)
-
-        base.observe_with(observer)
+        base.observe_with(partial(sampled_points, method=method, num_points=num_points, frame=frame, **settings))
 
 
 class VectorFlattenDict(gym.vector.VectorWrapper):
