@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape, Handle
+from artiskill.assets.articulated_object import ROOM_WALL, ArticulatedObject, CollisionShape, Handle
 from artiskill.assets.cabinets import (
     CabinetConfig,
     CabinetSpec,
@@ -23,14 +23,18 @@ from artiskill.assets.cabinets import (
 from artiskill.assets.cabinets.config import HANDLES
 from artiskill.assets.cabinets.sample import collision_count, join_shelves
 from artiskill.assets.cabinets.spec import Board, Cell, Rect
+from artiskill.assets.kinematics import drawn_points
+from artiskill.assets.similarity import describe, distance
 from artiskill.config import dump_yaml, from_mapping, to_mapping
 from artiskill.errors import AssetError, ConfigError
+from artiskill.gallery.facts import object_facts
 from artiskill.geometry.hulls import convex_hull, depth_inside
 from artiskill.geometry.meshes import triangle_areas
 from artiskill.geometry.rotations import quat_from_axis_angle, quat_rotate, transform_points
 
 SEEDS = range(8)
 MANY_SEEDS = range(100, 400)
+WALL = to_mapping(default_cabinet_config().wall)
 
 
 def make(seed: int, held_out: bool = False) -> tuple[CabinetSpec, ArticulatedObject]:
@@ -55,11 +59,21 @@ def seed_with(kind: str) -> tuple[int, bool]:
     raise AssertionError(f"no cabinet has a {kind}")
 
 
-@pytest.fixture(scope="module", params=[*SEEDS, *(f"held out {k}" for k in range(4)), *HANDLES])
+def wall_hung(held_out: bool = False) -> tuple[CabinetSpec, ArticulatedObject]:
+    """The first that hangs on a wall."""
+    found = zip(MANY_SEEDS, drawn(held_out), strict=True)
+    return make(next(seed for seed, spec in found if spec.support.kind == "wall"), held_out)
+
+
+@pytest.fixture(
+    scope="module", params=[*SEEDS, *(f"held out {k}" for k in range(4)), *HANDLES, "wall", "held out wall"]
+)
 def cabinet(request: pytest.FixtureRequest) -> tuple[CabinetSpec, ArticulatedObject]:
-    """Some of the first seeds, some held out, and one with each kind of handle."""
+    """Some of the first seeds, some held out, one with each kind of handle, some that hang on a wall."""
     if isinstance(request.param, int):
         return make(request.param)
+    if request.param.endswith("wall"):
+        return wall_hung(held_out=request.param.startswith("held out"))
     if request.param in HANDLES:
         return make(*seed_with(request.param))
     return make(int(request.param[-1]), held_out=True)
@@ -181,7 +195,7 @@ def test_closed_drawers_and_doors_leave_two_millimetres(cabinet: tuple[CabinetSp
     mujoco.mj_forward(model, data)
     base = [g for g in range(model.ngeom) if model.body(model.geom_bodyid[g]).name == "base"]
     for g in range(model.ngeom):
-        if g in base:
+        if g in base or model.body(model.geom_bodyid[g]).name == ROOM_WALL:
             continue
         nearest = min(mujoco.mj_geomDistance(model, data, g, b, 0.05, None) for b in base)
         assert nearest >= 0.002 - 1e-6, f"{model.geom(g).name} is {nearest:.5f} m from the carcass"
@@ -190,12 +204,14 @@ def test_closed_drawers_and_doors_leave_two_millimetres(cabinet: tuple[CabinetSp
 def test_links_joints_and_limits(cabinet: tuple[CabinetSpec, ArticulatedObject]) -> None:
     spec, obj = cabinet
     config = default_cabinet_config()
-    assert [link.name for link in obj.links] == ["base"] + [f"link_{k}" for k in range(len(obj.links) - 1)]
+    moving = [f"link_{k}" for k in range(len(obj.joints))]
+    wall = [ROOM_WALL] if spec.support.kind == "wall" else []
+    assert [link.name for link in obj.links] == ["base", *moving, *wall]
     assert obj.links[0].joint is None
     assert spec.count("drawer") == len(obj.target_links("prismatic"))
     assert spec.count("door") == len(obj.target_links("revolute"))
     cells = [cell for cell in spec.cells if cell.kind in ("drawer", "door")]
-    for link, cell in zip(obj.links[1:], cells, strict=True):
+    for link, cell in zip((obj.links[i] for i in obj.jointed_links), cells, strict=True):
         joint = link.joint
         assert joint is not None
         assert joint.limits[0] == 0.0
@@ -213,11 +229,11 @@ def test_links_joints_and_limits(cabinet: tuple[CabinetSpec, ArticulatedObject])
 
 
 def test_masses_are_plausible(cabinet: tuple[CabinetSpec, ArticulatedObject]) -> None:
-    model = compiled(cabinet[1])
-    assert 5 < model.body("base").mass[0] < 90
-    for link in cabinet[1].links[1:]:
-        assert 0.4 < model.body(link.name).mass[0] < 18
-    assert cabinet[1].metadata["mass_kg"] == pytest.approx(model.body_mass[1:].sum(), rel=0.01)
+    obj, model = cabinet[1], compiled(cabinet[1])
+    own = {obj.links[i].name: float(model.body(obj.links[i].name).mass[0]) for i in obj.own_links}
+    assert 5 < own["base"] < 90
+    assert all(0.4 < mass < 18 for name, mass in own.items() if name != "base")
+    assert obj.metadata["mass_kg"] == pytest.approx(sum(own.values()), rel=0.01)
 
 
 def test_budgets_of_shapes_and_triangles(cabinet: tuple[CabinetSpec, ArticulatedObject]) -> None:
@@ -230,7 +246,8 @@ def test_stands_on_the_ground_centred_and_within_its_bounds(
     cabinet: tuple[CabinetSpec, ArticulatedObject],
 ) -> None:
     spec, obj = cabinet
-    points = np.concatenate([v.mesh.vertices + link.position for link in obj.links for v in link.visuals])
+    own = [obj.links[i] for i in obj.own_links]
+    points = np.concatenate([v.mesh.vertices + link.position for link in own for v in link.visuals])
     assert np.allclose(obj.bounds, (points.min(axis=0), points.max(axis=0)))
     below = spec.support.height_m if spec.support.kind == "wall" else 0.0
     assert obj.bounds[0, 2] == pytest.approx(below, abs=1e-9)
@@ -238,9 +255,48 @@ def test_stands_on_the_ground_centred_and_within_its_bounds(
     assert obj.bounds[1, 0] == pytest.approx(spec.depth_m / 2)
     assert obj.bounds[0, 1] == pytest.approx(-obj.bounds[1, 1], abs=0.004)  # hinges stand out on one side
     for link in obj.links:
-        own = np.concatenate([v.mesh.vertices for v in link.visuals])
-        assert (link.surface_points >= own.min(axis=0) - 1e-9).all()
-        assert (link.surface_points <= own.max(axis=0) + 1e-9).all()
+        vertices = np.concatenate([v.mesh.vertices for v in link.visuals])
+        assert (link.surface_points >= vertices.min(axis=0) - 1e-9).all()
+        assert (link.surface_points <= vertices.max(axis=0) + 1e-9).all()
+
+
+@pytest.mark.parametrize("held_out", [False, True])
+def test_what_does_not_stand_hangs_on_a_wall(held_out: bool) -> None:
+    for spec in drawn(held_out):
+        assert (spec.wall is not None) == (spec.support.kind == "wall")
+    spec, obj = wall_hung(held_out)
+    (wall,) = (link for link in obj.links if link.is_wall)
+    assert wall.joint is None
+    (shape,), (visual,) = wall.collisions, wall.visuals
+    low, high = visual.mesh.bounds + wall.position
+    for corner, sign in ((low, -1), (high, 1)):
+        assert np.allclose(corner, wall.position + shape.position + sign * np.array(shape.size))
+    assert low[0] == pytest.approx(obj.bounds[1, 0], abs=1e-12), "its face touches the cabinet's back"
+    assert low[2] == 0.0, "it stands on the floor"
+    beyond = np.array((obj.bounds[0, 1] - low[1], high[1] - obj.bounds[1, 1], high[2] - obj.bounds[1, 2]))
+    assert (beyond > 0.7).all(), "it reaches far beyond the cabinet, to its left, its right and above"
+
+
+def test_a_wall_changes_nothing_about_its_cabinet() -> None:
+    """Walls came later than cabinets: all else of them is what it was."""
+    spec, obj = wall_hung()
+    bare = build_cabinet(dataclasses.replace(spec, wall=None), obj.id, np.random.default_rng((int(obj.id[5:]), 1)))
+    assert obj.own_links == tuple(range(len(bare.links)))
+    without = dataclasses.replace(obj, links=obj.links[:-1])
+    assert without.content_hash == bare.content_hash != obj.content_hash
+    assert np.array_equal(drawn_points(obj, obj.rest_qpos), drawn_points(bare, bare.rest_qpos))
+    assert distance(describe(obj), describe(bare)) == distance(describe(bare), describe(bare))
+    assert object_facts(obj).mass_kg == object_facts(bare).mass_kg
+
+
+def test_fronts_that_swing_into_the_wall_are_noticed() -> None:
+    """As they would if the wall stood before the cabinet's face; where it stands, none meets it."""
+    _, obj = wall_hung()
+    assert overlaps(obj) == []
+    wall = obj.links[-1]
+    before = dataclasses.replace(wall, position=np.array((obj.bounds[0, 0] - 0.2, 0.0, 0.0)))
+    found = overlaps(dataclasses.replace(obj, links=(*obj.links[:-1], before)))
+    assert any(ROOM_WALL in text and "link_0" in text for text in found)
 
 
 def test_meshes_are_sound(cabinet: tuple[CabinetSpec, ArticulatedObject]) -> None:
@@ -356,7 +412,7 @@ def test_drawers_are_hollow(cabinet: tuple[CabinetSpec, ArticulatedObject]) -> N
     """No shape fills the middle of a drawer, and its box is open upwards."""
     spec, obj = cabinet
     drawers = [cell for cell in spec.cells if cell.kind in ("drawer", "door")]
-    for link, cell in zip(obj.links[1:], drawers, strict=True):
+    for link, cell in zip((obj.links[i] for i in obj.jointed_links), drawers, strict=True):
         if cell.kind != "drawer":
             continue
         y, _ = cell.clear.centre
@@ -483,6 +539,9 @@ def test_impossible_config_is_an_error() -> None:
         ("held_out", ["cup", "mugs"], "unknown name 'mugs'"),
         ("held_out", ["knob"], "'night_stand' is not held out but has knob"),
         ("colour", "red", "unknown key 'colour'"),
+        ("wall", {**WALL, "paints": ["plaid"]}, "unknown name 'plaid'; legal: white, cream"),
+        ("wall", {**WALL, "paints": []}, "wall: paints must name at least one paint"),
+        ("wall", {**WALL, "height_m": 0.0}, "height_m must be"),
     ],
 )
 def test_bad_config_values_are_named(key: str, value: object, message: str) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from artiskill.assets.articulated_object import Category
+from artiskill.assets.cabinets import default_cabinet_config
 from artiskill.assets.catalog import list_objects, load_object, resolve_objects
 from artiskill.assets.draws import form_and_detail
 from artiskill.assets.entries import CATALOG_DIR, CATEGORIES, SPLITS, read_catalog
@@ -27,6 +28,21 @@ COUNTS = {
     ("MoveBucket", "test"): (10, 10),
 }
 HELD_OUT_OBJECTS = 12  # of each category
+
+
+def test_nothing_floats() -> None:
+    """What does not reach the floor hangs on a wall, and nothing else does: of all families that may hang."""
+    families = {family.name for family in default_cabinet_config().families if family.supports.get("wall", 0) > 0}
+    entries = [entry for category, entry in read_catalog().values() if category == "cabinet"]
+    hung = 0
+    for entry in entries:
+        if entry.family in families:
+            obj = load_object(entry.id)
+            hangs = bool(obj.bounds[0, 2] > 1e-6)
+            assert obj.links[-1].is_wall == hangs, entry.id
+            hung += hangs
+    assert hung == 20
+    assert not load_object("cabinet-0001").links[-1].is_wall
 
 
 def assert_entry_holds(object_id: str) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.assets.catalog import load_object
 from artiskill.checks.config import default_checks_config, load_checks_config
 from artiskill.checks.result import CheckResult
 from artiskill.checks.runner import check_object
@@ -46,6 +47,18 @@ def test_a_door_that_meets_something_on_its_way(make: SimpleNamespace) -> None:
     assert set(found) == {"sweep"}
     assert found["sweep"][0].subject == "link_0_hinge"
     assert "deg" in found["sweep"][0].note
+
+
+def test_a_wall_that_a_door_swings_into() -> None:
+    """A wall is checked like a link and weighs nothing of the object's: where it belongs, nothing is found."""
+    obj = load_object("cabinet-0052")
+    assert obj.links[-1].is_wall
+    assert faults(obj) == {}
+    corner = replace(obj.links[-1], position=np.array((obj.bounds[0, 0] - 0.15, 0.0, 0.0)))
+    found = faults(replace(obj, links=(*obj.links[:-1], corner)))
+    assert "sweep" in found
+    assert "room_wall/link_0" in found["sweep"][0].note
+    assert "mass" not in found
 
 
 def test_a_joint_that_turns_about_nothing_useful(make: SimpleNamespace) -> None:

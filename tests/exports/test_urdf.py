@@ -62,6 +62,17 @@ def test_imports_back(category: str, tmp_path: Path) -> None:
     assert gripped <= {handle.link for handle in back.handles}
 
 
+@pytest.mark.slow
+def test_a_wall_imports_back(tmp_path: Path) -> None:
+    """It stays a link of its own: the cabinet is as wide and as heavy as without it."""
+    given = load_object("cabinet-0052")
+    back = load_object(export_object(given, "urdf", tmp_path / "back").parent)
+    assert_alike(given, back)
+    assert back.own_links == given.own_links
+    np.testing.assert_allclose(back.links[-1].visuals[0].mesh.bounds[1, 1:], (2.0, 2.5), atol=TOLERANCE)
+    assert back.metadata["mass_kg"] == pytest.approx(given.metadata["mass_kg"], rel=0.4)
+
+
 def test_odd_frames_import_back(odd_chair, tmp_path):
     back = load_object(export_object(odd_chair, "urdf", tmp_path / "back").parent)
     assert_alike(odd_chair, back)

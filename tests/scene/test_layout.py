@@ -1,12 +1,17 @@
 """Layouts and padding: all of the catalogue fits, and what pads an object changes nothing about it."""
 
 from collections import Counter
+from dataclasses import replace
+from itertools import count
 from unittest import mock
 
 import mujoco
 import numpy as np
 import pytest
 
+from artiskill.assets.cabinets import build_cabinet, default_cabinet_config, sample_cabinet
+from artiskill.assets.cabinets.sample import collision_count
+from artiskill.assets.cabinets.spec import Wall
 from artiskill.assets.catalog import list_objects, load_object
 from artiskill.robots.config import load_robot
 from artiskill.scene import scene as scene_module
@@ -44,7 +49,7 @@ def test_all_of_the_catalogue_fits() -> None:
         assert sum(counts.values()) - max(counts.values()) <= most, "nearly all share one"
 
 
-@pytest.mark.parametrize("object_id", ["cabinet-0005", "chair-0003", "chair-0040", "bucket-0005"])
+@pytest.mark.parametrize("object_id", ["cabinet-0005", "cabinet-0006", "chair-0003", "chair-0040", "bucket-0005"])
 def test_padding_is_inert(object_id: str) -> None:
     """In free flight, with everything moving, robot and object accelerate as they did."""
     plain, padded = unpadded(object_id), scene_of(object_id)
@@ -63,13 +68,31 @@ def test_padding_is_inert(object_id: str) -> None:
     np.testing.assert_allclose(*found, rtol=1e-3, atol=1e-4)
 
 
-def test_padding_touches_nothing() -> None:
-    model = scene_of("cabinet-0005").model
+@pytest.mark.parametrize("object_id", ["cabinet-0005", "cabinet-0006"])  # the second hangs on a wall
+def test_padding_touches_nothing(object_id: str) -> None:
+    model = scene_of(object_id).model
     padding = [b for b in range(model.nbody) if model.body(b).name.startswith(PADDING_PREFIX)]
     assert padding
     geoms = np.isin(model.geom_bodyid, padding)
     assert not (model.geom_contype[geoms] | model.geom_conaffinity[geoms]).any()
     assert model.body_mass[padding].sum() < 1e-4
+
+
+def test_what_hangs_on_a_wall_has_the_layout_of_what_stands() -> None:
+    """Also with the most doors and drawers that a layout has room for: no padding body is left over then."""
+    standing = scene_of("cabinet-0005").layout
+    assert scene_of("cabinet-0006").layout == standing
+    config = default_cabinet_config()
+    specs = ((seed, sample_cabinet(np.random.default_rng(seed), config)) for seed in count())
+    seed, spec = next(
+        (k, s)
+        for k, s in specs
+        if s.wall is None and s.count("drawer") + s.count("door") == 5 and collision_count(s) < 52
+    )
+    hung = replace(spec, wall=Wall(4.0, 2.5, 0.1, spec.appearance.top))
+    obj = build_cabinet(hung, f"hung-{seed}", np.random.default_rng(seed))
+    assert obj.links[-1].is_wall
+    assert build_scene(ROBOT, obj, PHYSICS).layout == standing
 
 
 def test_a_strange_object_has_a_layout_of_its_own() -> None:
@@ -79,17 +102,17 @@ def test_a_strange_object_has_a_layout_of_its_own() -> None:
     assert (scene.layout.links, scene.layout.joints) == (len(obj.links), len(obj.joints))
 
 
-@pytest.mark.parametrize(("count", "extra"), [(1, 0), (4, 0), (4, 1), (4, 3), (4, 6), (7, 12), (10, 45)])
-def test_depths_add_up_and_hang_together(count: int, extra: int) -> None:
-    depths = _depths(count, count * 7 + extra, root_dof=6)
+@pytest.mark.parametrize(("number", "extra"), [(1, 0), (4, 0), (4, 1), (4, 3), (4, 6), (7, 12), (10, 45)])
+def test_depths_add_up_and_hang_together(number: int, extra: int) -> None:
+    depths = _depths(number, number * 7 + extra, root_dof=6)
     assert depths is not None
-    assert sum(depth + 6 for depth in depths) == count * 7 + extra
+    assert sum(depth + 6 for depth in depths) == number * 7 + extra
     assert set(depths) == set(range(1, max(depths) + 1)), "each hangs on one of the depth before it"
 
 
-@pytest.mark.parametrize(("count", "entries"), [(-1, 0), (0, 3), (2, 13), (2, 16), (3, 25)])
-def test_depths_that_cannot_be(count: int, entries: int) -> None:
-    assert _depths(count, entries, root_dof=6) is None
+@pytest.mark.parametrize(("number", "entries"), [(-1, 0), (0, 3), (2, 13), (2, 16), (3, 25)])
+def test_depths_that_cannot_be(number: int, entries: int) -> None:
+    assert _depths(number, entries, root_dof=6) is None
 
 
 def test_fans_have_as_many_volumes_as_are_missing() -> None:

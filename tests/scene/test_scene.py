@@ -1,5 +1,7 @@
 """Object and robot in one model: what collides with what, where things are, what is drawn."""
 
+import dataclasses
+
 import mujoco
 import numpy as np
 import pytest
@@ -11,6 +13,8 @@ from artiskill.robots.config import load_robot
 from artiskill.scene.cache import cached_scene
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.scene import Scene, build_scene
+from artiskill.sim.simulation import Simulation
+from artiskill.sim.states import InitialState
 
 ROBOT = load_robot("one_arm")
 
@@ -40,6 +44,34 @@ def test_who_collides_with_whom(scene: Scene) -> None:
     assert all(collide(model, part, own) for part in (finger, link) for own in trunk)
     assert not any(collide(model, part, own) for part in robot.inner_geoms for own in trunk)
     assert not collide(model, trunk[0], trunk[-1])
+
+
+def drive_forward(scene: Scene, steps: int) -> float:
+    """Where the base ends, along x, that drives at full speed from 1.2 m before the cabinet, beside it."""
+    obj, simulation = scene.object, Simulation(scene, num_envs=1)
+    start, none = np.zeros(len(scene.robot.joints)), np.zeros(len(obj.joints))
+    start[:2] = -1.2, 1.5
+    simulation.reset([InitialState(start, obj.rest_qpos, none, none)])
+    action = np.eye(1, 13)
+    for _ in range(steps):
+        simulation.step(action)
+    return float(simulation.snapshot().robot_qpos[0, 0])
+
+
+def test_a_wall_stops_the_robot() -> None:
+    obj, physics = load_object("cabinet-0002"), PhysicsConfig()
+    without = dataclasses.replace(obj, links=obj.links[:-1])
+    walled, free = (build_scene(ROBOT, one, physics) for one in (obj, without))
+    face = float(obj.links[-1].position[0])
+    assert drive_forward(free, 100) > face + 0.5
+    stopped = drive_forward(walled, 100)
+    assert stopped < face
+    assert drive_forward(walled, 150) == pytest.approx(stopped, abs=0.02), "it pushes on and gets no further"
+    model, robot, wall = walled.model, walled.robot, "object/room_wall_shape0"
+    touching = (*robot.finger_geoms, *robot.outer_geoms, *robot.torso_geoms, *robot.column_geoms)
+    assert all(collide(model, part, wall) for part in touching)
+    assert not collide(model, "ground", wall)
+    assert not collide(model, "object/link_0_shape0", wall), "links of one object never meet"
 
 
 def test_contact_recipe(scene: Scene) -> None:

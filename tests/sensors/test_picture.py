@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from artiskill.assets.articulated_object import ROOM_WALL
 from artiskill.geometry.meshes import box
 from artiskill.sensors.camera import Camera
 from artiskill.sensors.render_config import load_render_config
@@ -38,6 +39,22 @@ def test_shadow_falls_where_geometry_says(plate):
         assert rgb[pixel(x, y)].sum() == pytest.approx(lit, rel=0.02)
     without = picture([plate], ABOVE, {**SUN, "shadows.enabled": False})
     assert without[pixel(-0.5, 0.0)].sum() == pytest.approx(lit, rel=0.02)
+
+
+def test_a_wall_of_the_room_receives_shadows_and_casts_none(make, plate):
+    """It would make the map coarse that all shadows are looked up in: the plate's stay what they are."""
+    wall = make.visual(box((0.1, 6.0, 0.5)).transformed((-1.6, 0, 0.5)), part=ROOM_WALL)
+    alone, both = picture([plate], ABOVE, SUN), picture([plate, wall], ABOVE, SUN)
+    low, high = pixel(-1.3, 0)[0], pixel(1.6, 0)[0]
+    np.testing.assert_array_equal(both[high:low], alone[high:low])
+    sunny = {**SUN, "sun.azimuth_deg": 180.0}  # from behind it
+    np.testing.assert_array_equal(picture([wall], ABOVE, sunny)[high:low], picture([], ABOVE, sunny)[high:low])
+    front = Camera.look_at((3, 0, 0.5), (0, 0, 0.5), width=80, height=80)
+    near = make.visual(box((0.01, 0.2, 0.2)).transformed((-1.2, 0, 0.9)))  # its shadow falls on the wall's face
+    face = picture([near, wall], front, SUN)
+    p = front.intrinsics @ (front.extrinsics @ np.array([-1.5, 0.0, 0.6, 1.0]))[:3]
+    row, column = int(p[1] / p[2]), int(p[0] / p[2])
+    assert face[row, column].sum() < 0.8 * face[row, column + 12].sum()
 
 
 def test_shadow_edges_are_soft(plate):

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.assets.articulated_object import ROOM_WALL, ArticulatedObject
 from artiskill.assets.catalog import load_object
 from artiskill.errors import AssetError, ConfigError, UnknownNameError
 from artiskill.scene.scene import build_scene
@@ -38,6 +38,30 @@ def moving(cabinet: ArticulatedObject) -> tuple[Snapshot, OpenGoal]:
     for _ in range(20):
         simulation.step(rng.uniform(-0.5, 0.5, (3, 13)))
     return simulation.snapshot(), stack_goals([TASK.make_goal(cabinet, t) for t in targets])
+
+
+@pytest.mark.parametrize("object_id", ["cabinet-0002", "cabinet-0057", "cabinet-0088"])
+def test_the_robot_starts_clear_of_the_wall_that_a_cabinet_hangs_on(object_id: str) -> None:
+    obj = load_object(object_id)
+    scene = build_scene(TASK.robot, obj, TASK.physics)
+    levels = range(40)
+    simulation = Simulation(scene, num_envs=len(levels))
+    simulation.reset(
+        [TASK.sample_initial_state(obj, level_generator(level, Stream.INITIAL_STATE)) for level in levels]
+    )
+    bodies = [scene.model.body(name).id for name in scene.robot.bodies]
+    face, furthest = obj.links[-1].position[0], simulation.snapshot().body_position_w[:, bodies, 0].max()
+    assert obj.links[-1].is_wall
+    assert furthest < face - 0.5
+
+
+def test_a_wall_belongs_to_no_mask() -> None:
+    obj = load_object("cabinet-0002")
+    scene = build_scene(TASK.robot, obj, TASK.physics)
+    masks = TASK.masks(scene, "link_0")
+    (wall,) = (i for i, (_, visual) in enumerate(scene.visuals) if visual.part == ROOM_WALL)
+    assert not masks[:, wall].any()
+    assert masks.any(axis=1).all()
 
 
 def converted(value: Any, asarray: Any) -> Any:

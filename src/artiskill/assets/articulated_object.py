@@ -22,6 +22,7 @@ Category = Literal["cabinet", "chair", "bucket"]
 JointKind = Literal["prismatic", "revolute"]
 ShapeKind = Literal["box", "cylinder", "capsule", "sphere", "hull"]
 
+ROOM_WALL = "room_wall"  # link and part
 LEGAL_ID = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]*")  # files and folders are called by it: no `..`
 _UNIT_TOLERANCE = 1e-6
 
@@ -114,7 +115,8 @@ class Link:
     """A rigid part of an object.
 
     Attributes:
-        name: unique within the object, `link_<k>` for the moving ones, `base` for the root.
+        name: unique within the object, `link_<k>` for the moving ones, `base` for the root, `room_wall`
+            for what a cabinet hangs on.
         parent: index of the parent link, -1 for the root; a parent stands before its children.
         position: (3,) of the link's frame in the parent's at joint value 0.
         quaternion: (4,) likewise.
@@ -134,6 +136,11 @@ class Link:
     collisions: tuple[CollisionShape, ...]
     density_kg_m3: float
     surface_points: np.ndarray
+
+    @property
+    def is_wall(self) -> bool:
+        """Whether it is no part of its object, but the wall that the object hangs on."""
+        return self.name == ROOM_WALL and self.joint is None
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,9 +177,10 @@ class ArticulatedObject:
     Attributes:
         id: name in catalogues, results and environment ids; letters, digits, `-`, `.` and `_` only.
         category: `cabinet`, `chair` or `bucket`.
-        links: the root first, parents before children.
+        links: the root first, parents before children; a wall that it hangs on is one, see `own_links`.
         handles: of all links; a door or drawer is a legal target where it has one.
-        bounds: (2, 3) smallest and largest corner in the object frame, at rest (every joint at `Joint.rest`).
+        bounds: (2, 3) smallest and largest corner in the object frame, at rest (every joint at `Joint.rest`),
+            without a wall that it hangs on.
         metadata: facts for people and filters: family, dimensions, source, warnings of the importer.
     """
 
@@ -208,6 +216,15 @@ class ArticulatedObject:
     def joints(self) -> tuple[Joint, ...]:
         """All joints, in the order of `jointed_links`."""
         return tuple(link.joint for link in self.links if link.joint is not None)
+
+    @property
+    def own_links(self) -> tuple[int, ...]:
+        """Indices of the links that are the object itself: all but the wall that it hangs on.
+
+        The wall is seen and touched like them. It is left out where the object is measured: its size, its mass,
+        its likeness to others, how its picture is framed.
+        """
+        return tuple(i for i, link in enumerate(self.links) if not link.is_wall)
 
     @property
     def rest_qpos(self) -> np.ndarray:

@@ -77,12 +77,12 @@ def joint_values(obj: ArticulatedObject, fractions: float | Sequence[float] | np
 
 
 def drawn_points(obj: ArticulatedObject, qpos: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Vertices of all drawn surfaces in the object frame, (V, 3); the object's bounds' corners if it has none."""
+    """Vertices of what is drawn of the object itself, in its frame, (V, 3); its bounds' corners if nothing is."""
     positions, quaternions = link_poses(obj, qpos)
     points = [
         transform_points(positions[i], quaternions[i], visual.mesh.vertices)
-        for i, link in enumerate(obj.links)
-        for visual in link.visuals
+        for i in obj.own_links
+        for visual in obj.links[i].visuals
         if len(visual.mesh.vertices)
     ]
     if points:

@@ -1,9 +1,10 @@
 """How alike two objects are: the mean distance between their surfaces, closed and half open.
 
-Shape alone counts, not colour. Both objects are put with the middle of their footprint at the origin, standing on
-the ground. A few hundred points, spread by area over one object's drawn surface, are each measured to the nearest
-point of the other's, and the other way round; the mean of all these distances, in the rest state and with every
-joint half open, is the distance of the two. That of twins is less than 1 mm, for the search is not quite exact.
+Shape alone counts, not colour, and no wall that an object hangs on. Both objects are put with the middle of their
+footprint at the origin, standing on the ground. A few hundred points, spread by area over one object's drawn
+surface, are each measured to the nearest point of the other's, and the other way round; the mean of all these
+distances, in the rest state and with every joint half open, is the distance of the two. That of twins is less than
+1 mm, for the search is not quite exact.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -162,10 +163,10 @@ def _one_way(points: np.ndarray, target: Descriptor, candidates: int = _CANDIDAT
 
 
 def _drawn(obj: ArticulatedObject, qpos: np.ndarray) -> TriMesh:
-    """All drawn triangles in the object frame."""
+    """All drawn triangles of the object itself, in its frame."""
     positions, quaternions = link_poses(obj, qpos)
     return merge(
         visual.mesh.transformed(positions[i], quaternions[i])
-        for i, link in enumerate(obj.links)
-        for visual in link.visuals
+        for i in obj.own_links
+        for visual in obj.links[i].visuals
     )

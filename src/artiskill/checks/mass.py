@@ -16,7 +16,7 @@ def check_mass(specimen: Specimen, config: ChecksConfig) -> list[CheckResult]:
     """Mass of the whole and of each moving link; principal moments of each link."""
     obj, limits, model = specimen.object, config.of(specimen.object.category), specimen.scene.model
     masses = model.body_mass[specimen.scene.bodies]
-    results = [within(NAME, "object", float(masses.sum()), limits.mass_kg, "kg")]
+    results = [within(NAME, "object", float(masses[list(obj.own_links)].sum()), limits.mass_kg, "kg")]
     for i, link in enumerate(obj.links):
         name, mass = link.name, float(masses[i])
         if link.joint is not None and not link.collisions:

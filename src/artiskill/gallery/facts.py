@@ -37,7 +37,7 @@ class ObjectFacts:
         split: of the catalogue, else `generated`, `imported` or `own`.
         family: what kind of cabinet, chair or bucket; its source where it has none.
         size_m: extent along x (depth), y (width) and z (height) at rest.
-        mass_kg: of all links.
+        mass_kg: of all links; a wall that it hangs on is none of its own, but counts below.
         joints: every one.
         handles: kinds, sorted, each as often as it occurs.
         tags: what filters may ask for.
@@ -84,8 +84,9 @@ def object_facts(obj: ArticulatedObject) -> ObjectFacts:
 
 
 def object_mass_kg(obj: ArticulatedObject) -> float:
-    """Mass of all links, from densities and collision shapes."""
-    return sum(link.density_kg_m3 * shapes_volume_m3(link.collisions) for link in obj.links)
+    """Mass of the object itself, from densities and collision shapes."""
+    own = (obj.links[i] for i in obj.own_links)
+    return sum(link.density_kg_m3 * shapes_volume_m3(link.collisions) for link in own)
 
 
 def split_of(obj: ArticulatedObject) -> str:

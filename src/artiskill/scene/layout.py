@@ -20,7 +20,7 @@ class LayoutConfig:
     """What the padded object takes up in a scene.
 
     Attributes:
-        links: bodies; one more at least than the objects' own.
+        links: bodies: the object's own, a wall that it hangs on too, and one for each joint that it lacks.
         joints: joints of one degree of freedom.
         inertia: sum over the joints of the degrees of freedom from the world up to and including each: the entries
             that they have in the sparse inertia matrix.

@@ -27,7 +27,8 @@ class Padding:
     Attributes:
         config: the layout that it is brought up to.
         depths: per padding joint, how many of them there are from the root to it: 1 hangs on the root itself.
-        still: bodies without joint; the first carries the geoms.
+        still: bodies without joint; the first carries the geoms, a padding joint's body where there is none, the
+            object's root where there is neither.
         geoms: inert ones.
         fans: triangles of each mesh that nothing uses, for the bounding volumes that it has.
     """
@@ -57,7 +58,7 @@ def plan_padding(obj: ArticulatedObject, model: Any, part: ObjectPart) -> Paddin
             continue
         still, blank = config.links - len(obj.links) - missing, config.geoms - geoms
         fans = _fans(config.volumes - volumes)
-        if still >= 1 and blank >= 0 and fans is not None:
+        if still >= 0 and blank >= 0 and fans is not None:
             return Padding(config, depths, still, blank, fans)
     return None
 
@@ -68,12 +69,12 @@ def add_padding(spec: Any, part: ObjectPart, padding: Padding) -> None:
     last = {0: root}  # by depth, the body to hang on
     for number, depth in enumerate(padding.depths):
         last[depth] = _hang(last[depth - 1], f"{PADDING_PREFIX}{number}")
-    for number in range(padding.still):
-        body = root.add_body(name=f"{PADDING_PREFIX}still{number}")
-        for _ in range(padding.geoms if number == 0 else 0):
-            body.add_geom(
-                type=mujoco.mjtGeom.mjGEOM_SPHERE, size=(_GEOM_RADIUS_M, 0, 0), contype=0, conaffinity=0, mass=0
-            )
+    still = [root.add_body(name=f"{PADDING_PREFIX}still{number}") for number in range(padding.still)]
+    carrier = still[0] if still else last[max(last)]
+    for _ in range(padding.geoms):
+        carrier.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_SPHERE, size=(_GEOM_RADIUS_M, 0, 0), contype=0, conaffinity=0, mass=0
+        )
     for number, triangles in enumerate(padding.fans):
         points, faces = _fan(triangles)
         mesh = spec.add_mesh(name=f"{PADDING_PREFIX}fan{number}", uservert=points, userface=faces)

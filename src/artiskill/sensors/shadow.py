@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from artiskill.assets.articulated_object import ROOM_WALL
 from artiskill.geometry.kernel import Array, Point, kernel
 from artiskill.sensors.lighting import dot3
 from artiskill.sensors.orthographic import draw_heights, project_affine
@@ -41,12 +42,15 @@ class ShadowPass:
         """Prepare for a scene.
 
         Args:
-            soup: what casts shadows.
+            soup: the scene. All of it casts shadows but the room's walls: they stand behind everything, and a map
+                that held them would be too coarse for all else.
             to_light: (3,) unit vector.
             resolution: texels along each side of the map.
             softness_m: width of the shadows' edges.
         """
-        self._soup = soup
+        casts = np.array([name != ROOM_WALL for name in soup.part_names], dtype=np.bool_)[soup.geom_part]
+        self._faces = np.ascontiguousarray(soup.faces[casts[soup.face_geom]])
+        self._casting = np.repeat(casts, np.diff(soup.geom_vertices))
         self._resolution = resolution
         self._softness_m = softness_m
         self._axes = _frame_towards(to_light)
@@ -57,16 +61,16 @@ class ShadowPass:
     def draw(self, world: np.ndarray) -> ShadowMap:
         """The shadow map of the scene whose vertices (V, 3) stand at `world`; valid until the next call."""
         self._heights.fill(-np.inf)  # what is nowhere shades nothing, however low it lies
-        if len(world) == 0:
+        if len(self._faces) == 0:
             return ShadowMap(np.zeros((3, 4)), self._heights, 1.0, 1, 0.0)
-        matrix, texel_m = self._fit(world)
+        matrix, texel_m = self._fit(world[self._casting])
         project_affine(world, matrix, self._projected)
-        draw_heights(self._projected, self._soup.faces, self._heights, self._triangle)
+        draw_heights(self._projected, self._faces, self._heights, self._triangle)
         filter_texels = min(max(round(self._softness_m / texel_m), 1), _MAX_FILTER_TEXELS)
         return ShadowMap(matrix, self._heights, texel_m, filter_texels, _BIAS_TEXELS * texel_m + _BIAS_M)
 
     def _fit(self, world: np.ndarray) -> tuple[np.ndarray, float]:
-        """The matrix whose map holds all vertices, moved in whole texels only so that edges do not crawl."""
+        """The matrix whose map holds vertices (V, 3), moved in whole texels only so that edges do not crawl."""
         along = [(world * axis).sum(axis=1) for axis in self._axes]
         low, high = [float(a.min()) for a in along], [float(a.max()) for a in along]
         margin = 2.0 * self._softness_m

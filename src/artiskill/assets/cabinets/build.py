@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape, Handle, Joint, Link
+from artiskill.assets.articulated_object import ROOM_WALL, ArticulatedObject, CollisionShape, Handle, Joint, Link
 from artiskill.assets.cabinets.boards import Boards
 from artiskill.assets.cabinets.carcass import add_carcass
 from artiskill.assets.cabinets.drawers import add_box
@@ -15,12 +15,15 @@ from artiskill.assets.cabinets.fronts import add_front, handle_foot, sinks
 from artiskill.assets.cabinets.hinges import add_hinges
 from artiskill.assets.cabinets.materials import Materials, make_cabinet_materials
 from artiskill.assets.cabinets.pulls import build_pull
-from artiskill.assets.cabinets.spec import CabinetSpec, Cell, Side
+from artiskill.assets.cabinets.spec import CabinetSpec, Cell, Side, Wall
+from artiskill.assets.finishes import make_material
 from artiskill.assets.handles import handle_from_mesh
 from artiskill.assets.parts import IDENTITY
 from artiskill.assets.volumes import first_moment_m4
+from artiskill.geometry.meshes import box
 
 _GRAVITY_M_S2 = 9.81
+_MASONRY_KG_M3 = 1800.0  # of walls
 _SPRING_SURPLUS = 1.5  # moment of a flap's spring over that of its weight, when shut
 _SPRING_SPREAD_RAD = 2.0  # preload over stiffness: the moment grows by less than a factor of two up to the limit
 
@@ -38,7 +41,8 @@ def build_cabinet(spec: CabinetSpec, object_id: str, rng: np.random.Generator) -
     """Build a cabinet.
 
     Link frames are parallel to the object frame at joint value 0: the base's lies at the object's origin, a
-    drawer's in the middle of its front's outer face, a door's on its hinge axis in the middle of its edge.
+    drawer's in the middle of its front's outer face, a door's on its hinge axis in the middle of its edge. The
+    wall that a cabinet hangs on is its last link.
 
     Args:
         spec: the cabinet.
@@ -55,8 +59,22 @@ def build_cabinet(spec: CabinetSpec, object_id: str, rng: np.random.Generator) -
             link, handle = _add_moving(spec, cell, f"link_{len(links) - 1}", materials, rng)
             links.append(link)
             handles += [] if handle is None else [handle]
-    facts = cabinet_facts(spec, links, handles)
-    return ArticulatedObject(object_id, "cabinet", tuple(links), tuple(handles), _bounds(links), facts)
+    facts, bounds = cabinet_facts(spec, links, handles), _bounds(links)
+    if spec.wall is not None:  # no part of the cabinet: neither facts nor bounds know of it
+        links.append(_wall(spec, spec.wall, rng))
+    return ArticulatedObject(object_id, "cabinet", tuple(links), tuple(handles), bounds, facts)
+
+
+def _wall(spec: CabinetSpec, wall: Wall, rng: np.random.Generator) -> Link:
+    """The wall whose face the cabinet's back touches; its frame lies in the middle of that face's lower edge."""
+    origin, size = np.array((spec.depth_m / 2, 0.0, 0.0)), (wall.thickness_m, wall.width_m, wall.height_m)
+    low = origin - (0.0, wall.width_m / 2, 0.0)
+    high, half = low + size, np.array(size) / 2
+    parts = Boards(origin, rng)
+    parts.draw(box(half).transformed(parts.local(low + half)), make_material(wall.surface), ROOM_WALL)
+    parts.touch_between(low, high, ROOM_WALL)
+    visuals, shapes, points = parts.visuals(), tuple(parts.collisions), parts.surface_points()
+    return Link(ROOM_WALL, 0, origin, IDENTITY, None, visuals, shapes, _MASONRY_KG_M3, points)
 
 
 def _add_moving(

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from artiskill.assets.finishes import PAINTS
 from artiskill.assets.ranges import Range, check_ranges, check_weights
-from artiskill.config import CONFIG_DIR, check, load_config
+from artiskill.config import CONFIG_DIR, check, check_positive, load_config
 
 GENERATOR_YAML: Path = CONFIG_DIR / "catalog" / "cabinet_generator.yaml"
 
@@ -143,6 +144,29 @@ class HandleConfig:
 
 
 @dataclass(frozen=True)
+class WallConfig:
+    """The wall behind a cabinet that hangs: from the floor up, the cabinet before its middle.
+
+    Attributes:
+        width_m: along y, as wide for every cabinet.
+        height_m: likewise.
+        thickness_m: likewise.
+        paints: keys of `finishes.PAINTS`, one of which it is painted with.
+    """
+
+    width_m: float
+    height_m: float
+    thickness_m: float
+    paints: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        check_positive(self, "width_m", "height_m", "thickness_m")
+        check(len(self.paints) > 0, "wall: paints must name at least one paint")
+        for name in self.paints:
+            check(name in PAINTS, f"wall: paints: unknown name {name!r}; legal: {', '.join(PAINTS)}")
+
+
+@dataclass(frozen=True)
 class CabinetConfig:
     """How cabinets are drawn.
 
@@ -161,6 +185,7 @@ class CabinetConfig:
         leg_height_m: a leg's height.
         leg_shapes: weights of `round`, `square`, `splayed`, `bun`, `sled`.
         caster_m: diameter of casters' wheels.
+        wall: what a cabinet hangs on that does not stand.
         wall_height_m: height above the ground of what hangs on a wall.
         drawer_height_m: height of a drawer's opening.
         drawer_width_m: width of a drawer's opening.
@@ -193,6 +218,7 @@ class CabinetConfig:
     leg_height_m: Range
     leg_shapes: dict[str, float]
     caster_m: Range
+    wall: WallConfig
     wall_height_m: Range
     drawer_height_m: Range
     drawer_width_m: Range

@@ -7,7 +7,7 @@ import numpy as np
 
 from artiskill.assets.cabinets.appearance import CabinetAppearance, sample_cabinet_appearance
 from artiskill.assets.cabinets.carcass import carcass_shapes
-from artiskill.assets.cabinets.config import CabinetConfig, FamilyConfig
+from artiskill.assets.cabinets.config import CabinetConfig, FamilyConfig, WallConfig
 from artiskill.assets.cabinets.drawers import BOX_SHAPES
 from artiskill.assets.cabinets.fronts import front_shapes
 from artiskill.assets.cabinets.habits import draw_habits
@@ -15,11 +15,22 @@ from artiskill.assets.cabinets.layout import Composer
 from artiskill.assets.cabinets.openings import fill_cell
 from artiskill.assets.cabinets.placing import hands_have_room
 from artiskill.assets.cabinets.pulls import pull_shapes
-from artiskill.assets.cabinets.spec import Board, CabinetSpec, Cell, FrontStyle, HandleKind, Rect, Support, Top
+from artiskill.assets.cabinets.spec import (
+    Board,
+    CabinetSpec,
+    Cell,
+    FrontStyle,
+    HandleKind,
+    Rect,
+    Support,
+    Top,
+    Wall,
+)
 from artiskill.assets.cabinets.styles import draw_front, draw_handles, draw_support, draw_top
 from artiskill.assets.cabinets.supports import support_shapes
 from artiskill.assets.cabinets.tree import Edge, Placed, Region, resolve
 from artiskill.assets.draws import pick, within
+from artiskill.assets.finishes import sample_surface
 from artiskill.errors import AssetError
 
 _BOARDED = ("plinth", "sides")
@@ -55,7 +66,7 @@ def sample_cabinet(rng: np.random.Generator, config: CabinetConfig, held_out: bo
         for _ in range(_PATIENCE):
             spec = _draw_spec(rng, config, family, kind)  # type: ignore[arg-type]
             if spec is not None and _is_legal(spec, config):
-                return spec
+                return spec if spec.support.kind != "wall" else replace(spec, wall=_wall(rng, config.wall))
     raise AssetError(
         f"no legal cabinet in {MAX_DRAWS} draws: the ranges of the cabinet config contradict each other"
     )
@@ -121,6 +132,13 @@ def _draw_spec(
         boards=boards,
         appearance=appearance,
         density_kg_m3=_density(rng, appearance),
+    )
+
+
+def _wall(rng: np.random.Generator, config: WallConfig) -> Wall:
+    """Drawn last of all, so that cabinets are the same whatever their walls are."""
+    return Wall(
+        config.width_m, config.height_m, config.thickness_m, sample_surface(rng, "paint", tuple(config.paints))
     )
 
 

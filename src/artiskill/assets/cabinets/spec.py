@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from artiskill.assets.cabinets.appearance import CabinetAppearance
+from artiskill.assets.finishes import Surface
 
 CellKind = Literal["drawer", "door", "open", "blind"]
 Side = Literal["left", "right", "top", "bottom"]
@@ -150,6 +151,21 @@ class Support:
 
 
 @dataclass(frozen=True)
+class Wall:
+    """The wall that a cabinet hangs on: upright, plain, from the floor up, the cabinet before its middle.
+
+    Attributes:
+        width_m, height_m, thickness_m: its sizes.
+        surface: what it is painted with.
+    """
+
+    width_m: float
+    height_m: float
+    thickness_m: float
+    surface: Surface
+
+
+@dataclass(frozen=True)
 class Top:
     """The top board.
 
@@ -216,6 +232,7 @@ class CabinetSpec:
         boards: dividers, rails and shelves.
         appearance: materials.
         density_kg_m3: of the board that it is made of.
+        wall: what it hangs on; None where it stands on the floor.
     """
 
     family: str
@@ -236,6 +253,7 @@ class CabinetSpec:
     boards: tuple[Board, ...]
     appearance: CabinetAppearance
     density_kg_m3: float
+    wall: Wall | None = None
 
     @property
     def face_x(self) -> float:

@@ -17,12 +17,12 @@ _TAPER = 0.62  # a round leg's foot, relative to its top
 _SPLAY = 0.28  # how far a splayed leg's foot stands outside its top, relative to its height
 _BUN = ((0.55, 0.0), (0.85, 0.12), (1.0, 0.4), (0.9, 0.68), (0.55, 0.86), (0.7, 0.9), (0.7, 1.0))  # radius, height
 _PLATE_M = 0.004  # of a caster
-_SHAPES = {"plinth": 1, "sides": 1, "legs": 4, "casters": 4, "floor": 0, "wall": 0, "sled": 6}
+_SHAPES = {"plinth": 1, "sides": 1, "legs": 4, "casters": 4, "floor": 0, "wall": 1, "sled": 6}
 _TO_Y = quat_from_axis_angle((1, 0, 0), np.pi / 2)
 
 
 def support_shapes(spec: CabinetSpec) -> int:
-    """How many shapes of the support are touched."""
+    """How many shapes of the support are touched, the wall's included."""
     kind = spec.support.kind
     return _SHAPES["sled" if kind == "legs" and spec.support.leg_shape == "sled" else kind]
 

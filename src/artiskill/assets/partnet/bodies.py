@@ -24,7 +24,7 @@ class Body:
     Attributes:
         name: of the link that the joint moves; `base` for the root.
         parent: index of the parent body, -1 for the root.
-        joint: what moves it relative to its parent, None for the root.
+        joint: what moves it relative to its parent, None for the root and for a wall that it hangs on.
         pose: (4, 4) of its frame in the parent's at joint value 0.
         meshes: drawn meshes of all its links.
     """
@@ -36,13 +36,18 @@ class Body:
     meshes: tuple[PlacedMesh, ...]
 
 
-def build_bodies(model: UrdfModel) -> tuple[Body, ...]:
-    """Bodies depth first, parents before children, siblings in the file's order."""
+def build_bodies(model: UrdfModel, apart: str | None = None) -> tuple[Body, ...]:
+    """Bodies depth first, parents before children, siblings in the file's order.
+
+    Args:
+        model: the file.
+        apart: name of a link that stays a body of its own, without joint, though it is fixed to another.
+    """
     children: dict[str, list[UrdfJoint]] = {}
     for joint in model.joints:
         children.setdefault(joint.parent, []).append(joint)
     bodies: list[Body] = []
-    _grow(bodies, model, children, Body("base", -1, None, np.eye(4), ()), model.root)
+    _grow(bodies, model, children, Body("base", -1, None, np.eye(4), ()), model.root, apart)
     return tuple(bodies)
 
 
@@ -90,7 +95,12 @@ def _motion(joint: UrdfJoint | None, value: float) -> np.ndarray:
 
 
 def _grow(
-    bodies: list[Body], model: UrdfModel, children: dict[str, list[UrdfJoint]], body: Body, link: str
+    bodies: list[Body],
+    model: UrdfModel,
+    children: dict[str, list[UrdfJoint]],
+    body: Body,
+    link: str,
+    apart: str | None,
 ) -> None:
     """Append `body`, which starts with `link`, and after it everything that hangs on it."""
     index = len(bodies)
@@ -102,10 +112,11 @@ def _grow(
         name, pose = rigid.pop(0)
         meshes += [PlacedMesh(mesh, pose @ mesh.pose, name) for mesh in model.links[name]]
         for joint in children.get(name, []):
-            if joint.kind == "fixed":
+            if joint.kind == "fixed" and joint.child != apart:
                 rigid.append((joint.child, pose @ joint.pose))
             else:
                 moving.append((joint, pose @ joint.pose))
     bodies[index] = Body(body.name, body.parent, body.joint, body.pose, tuple(meshes))
     for joint, pose in moving:
-        _grow(bodies, model, children, Body(joint.child, index, joint, pose, ()), joint.child)
+        moves = None if joint.kind == "fixed" else joint
+        _grow(bodies, model, children, Body(joint.child, index, moves, pose, ()), joint.child, apart)

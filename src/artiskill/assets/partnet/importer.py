@@ -4,7 +4,8 @@ What is decided here, and written to `metadata`:
 
 - Frame: z up, ground at z = 0, front to -x (the data set's own after its fixed joint), the origin in the middle of
   a cabinet's bounds or of a chair's or bucket's footprint. All link frames are parallel to the object's with all
-  joints at 0; a hinged link's frame sits on its axis, a sliding link's in the middle of its bounds.
+  joints at 0; a hinged link's frame sits on its axis, a sliding link's in the middle of its bounds. The wall of a
+  cabinet that ArtiSkill exported stays a link of its own.
 - Scale: the data set's models measure about 2 across; `placing.default_scale` says what they become. Folders that
   are in metres already say so themselves (`own_frame`).
 - At rest every joint is at its lower limit: closed in cabinets, let down in chairs (`closing`). Bodies that are
@@ -24,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
-from artiskill.assets.articulated_object import ArticulatedObject, Category, check_object_id
+from artiskill.assets.articulated_object import ROOM_WALL, ArticulatedObject, Category, check_object_id
 from artiskill.assets.needs import Needs
 from artiskill.assets.partnet.bodies import body_poses, build_bodies, drop_empty, transform
 from artiskill.assets.partnet.closing import RestRule, rest_joints
@@ -86,10 +87,11 @@ def _import_folder(
     category, model_category = read_category(folder)
     if needs is not None:
         needs.check_category(name, category)
-    bodies, names = build_bodies(read_urdf(folder / URDF_NAME)), read_part_names(folder, category)
+    own_frame = read_own_frame(folder)
+    apart = None if own_frame is None else ROOM_WALL  # what an export wrote
+    bodies, names = build_bodies(read_urdf(folder / URDF_NAME), apart), read_part_names(folder, category)
     if needs is not None:
         needs.check_links(name, moving_links(bodies, names, category))
-    own_frame = read_own_frame(folder)
     if own_frame is None:
         bodies, warnings = drop_empty(bodies)
     else:  # what an export wrote is taken as it is
@@ -102,7 +104,8 @@ def _import_folder(
     rest, said = rest_joints(bodies, points, rule, name)
     warnings += said
     standing = body_poses(bodies, [joint.standing if joint else 0.0 for joint in rest])
-    world = np.concatenate([transform(pose, p) for pose, p in zip(standing, points, strict=True)])
+    of_object = [i for i, body in enumerate(bodies) if i == 0 or body.joint is not None]
+    world = np.concatenate([transform(standing[i], points[i]) for i in of_object])
     place = find_placement(category, world, own_frame, scale)
     bounds = np.stack((place.apply(world.min(axis=0)), place.apply(world.max(axis=0))))
     check_size(np.ptp(bounds, axis=0), place.scale, name)
@@ -121,7 +124,7 @@ def _import_folder(
             "partnet_id": name,
             "model_category": model_category,
             "scale": place.scale,
-            **measures(links, handles, bounds),
+            **measures([links[i] for i in of_object], handles, bounds),
             "parts": part_names(drawn),
             "handle_gaps_m": tuple(grip.gap_m for grip in grips),
             "warnings": tuple(dict.fromkeys(warnings)),
