@@ -19,6 +19,7 @@ SOURCE = ROOT / "src" / "artiskill"
 ROOMS = (
     *(
         "errors",
+        "files",
         "config",
         "versions",
         "jobs",
@@ -44,7 +45,7 @@ VALUE_ROOMS = {"sensors", "tasks", "experts"}
 SIM_VALUES = ("artiskill.sim.snapshot", "artiskill.sim.states")
 TORCH_ROOMS = {"learning"}
 
-LONGEST_FILE = 300
+LONGEST_FILE = 350
 # file -> why it is one file all the same
 LONG_FILES: dict[str, str] = {}
 
