@@ -9,7 +9,8 @@ from typing import Any
 from artiskill.config import from_mapping, to_mapping
 from artiskill.demos.config import PatienceConfig, StoreConfig
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
-from artiskill.errors import ArtiSkillError, DemoError
+from artiskill.errors import ArtiSkillError, ConfigError, DemoError
+from artiskill.robots.config import LIKE
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Task
@@ -70,6 +71,11 @@ class Settings:
     store: StoreConfig
     patience: PatienceConfig
     versions: dict[str, str]
+
+    def __post_init__(self) -> None:
+        robot = self.config.get("robot", {})
+        if not isinstance(robot, Mapping) or LIKE in robot or any("." in key for key in (*self.config, *robot)):
+            raise ConfigError("config must be resolved: a robot that is like another one is a file to be opened")
 
     @property
     def overrides(self) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from artiskill.demos.recording import ARRAYS, UNREPEATED, Recording, record
 from artiskill.demos.settings import Settings, plain
 from artiskill.demos.trajectory import Trajectory
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.errors import ArtiSkillError, ConfigError, DemoError
+from artiskill.errors import ArtiSkillError, ConfigError, DemoError, shown
 from artiskill.jobs.parallel import run_jobs
 
 _JOB_TRAJECTORIES = 25
@@ -79,7 +79,7 @@ def verify(
     """
     folder = Path(folder)
     if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
-        raise ConfigError(f"workers must be a whole number of at least 1, not {workers!r}")
+        raise ConfigError(f"workers must be a whole number of at least 1, not {shown(workers)}")
     loaded = [load_object(one) if isinstance(one, str) else one for one in objects]
     manifest, given = read_manifest(folder), {obj.id: obj for obj in loaded}
     parts: dict[str, list[Verdict]] = {}
