@@ -8,7 +8,7 @@ import numpy as np
 
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.vision import PointCloudObserver
-from artiskill.errors import ConfigError
+from artiskill.errors import ConfigError, shown
 from artiskill.sensors.downsample import make_sampler
 
 
@@ -121,7 +121,9 @@ def _manipulation_env(env: gym.Env[Any, Any]) -> ManipulationEnv:
     base = env.unwrapped
     mode = getattr(base, "obs_mode", None)
     if not isinstance(base, ManipulationEnv) or mode != "pointcloud":
-        raise ConfigError(f"down-sampling needs an environment with obs_mode='pointcloud', not {mode!r} of {env}")
+        raise ConfigError(
+            f"down-sampling needs an environment with obs_mode='pointcloud', not {shown(mode)} of {env}"
+        )
     if env.observation_space is not base.observation_space:
         raise ConfigError(f"apply down-sampling before the wrappers that change observations, not to {env}")
     if base.observation_space != PointCloudObserver(base.task).space:

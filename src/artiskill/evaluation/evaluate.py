@@ -6,7 +6,7 @@ from functools import partial
 from typing import Any
 
 from artiskill.envs.manipulation import ObjectChoice
-from artiskill.errors import ConfigError
+from artiskill.errors import ConfigError, shown
 from artiskill.evaluation.episodes import EpisodeResult, run_episode
 from artiskill.evaluation.plan import EpisodeBatch, Plan, make_plan
 from artiskill.evaluation.policies import load_policy
@@ -92,7 +92,7 @@ def run_plan(
 def check_workers(plan: Plan, workers: object, step_timeout_s: object = None) -> None:
     """Raise `ConfigError` unless so many processes can work on the plan, under that limit per step."""
     if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
-        raise ConfigError(f"workers must be a whole number of at least 1, not {workers!r}")
+        raise ConfigError(f"workers must be a whole number of at least 1, not {shown(workers)}")
     check_limit(step_timeout_s)
     if workers > 1 and not plan.is_portable:
         raise ConfigError("only a policy given by name or path can be evaluated by several workers; use workers=1")

@@ -1,5 +1,6 @@
 """Policies as evaluation sees them, and those that come with the package."""
 
+import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
@@ -170,6 +171,6 @@ def load_policy(policy: Any) -> Actor:
     if str(policy) in _ACTORS:
         return _ACTORS[str(policy)]()
     path = Path(policy)
-    if path.suffix != ".py" and not path.exists():
+    if path.suffix != ".py" and not os.path.exists(path):
         raise UnknownNameError("policy", str(policy), POLICY_NAMES, "Also legal: the path of a file solution.py.")
     return SolutionActor(read_solution(path))

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.errors import ConfigError
+from artiskill.errors import ConfigError, shown
 from artiskill.evaluation.policies import Actor
 from artiskill.jobs.workers import IDLE, Busy
 
@@ -51,4 +51,4 @@ def check_limit(limit_s: object) -> None:
         return
     is_number = isinstance(limit_s, int | float) and not isinstance(limit_s, bool)
     if not is_number or not 0 < limit_s < math.inf:  # type: ignore[operator]
-        raise ConfigError(f"the time limit per step must be a positive number of seconds, not {limit_s!r}")
+        raise ConfigError(f"the time limit per step must be a positive number of seconds, not {shown(limit_s)}")

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from artiskill.config import check, from_mapping
-from artiskill.errors import UnknownNameError
+from artiskill.errors import UnknownNameError, shown
 from artiskill.sensors.point_cloud import classify_points
 from artiskill.sensors.point_selection import (
     choose_by_mask,
@@ -162,7 +162,7 @@ def make_sampler(method: str, num_points: int, settings: Mapping[str, Any] | Non
     """
     if method not in SAMPLERS:
         raise UnknownNameError("sampling method", method, SAMPLERS)
-    check(isinstance(num_points, int | np.integer), f"num_points must be an integer, not {num_points!r}")
+    check(isinstance(num_points, int | np.integer), f"num_points must be an integer, not {shown(num_points)}")
     values: dict[str, Any] = {"num_points": int(num_points), **(settings or {})}
     if method == "maniskill":
         masked = values.setdefault("masked_points", values["num_points"] * 800 // 1200)
