@@ -106,10 +106,10 @@ class MissingExtraError(ArtiSkillError, ImportError):
         super().__init__(f"{feature} needs an optional dependency: pip install 'artiskill[{extra}]'")
 
 
-def check_name(kind: str, given: object, legal: tuple[str, ...]) -> None:
-    """Raise UnknownNameError unless a name is one of the legal ones."""
+def check_name(kind: str, given: object, legal: Collection[str], hint: str = "") -> None:
+    """Raise UnknownNameError unless a name is one of the legal ones; what is no text is none of them."""
     if not isinstance(given, str) or given not in legal:
-        raise UnknownNameError(kind, given, legal)
+        raise UnknownNameError(kind, given, legal, hint)
 
 
 def shown(given: object) -> str:

@@ -21,7 +21,7 @@ from artiskill.assets.names import (
 )
 from artiskill.assets.needs import Needs, task_needs
 from artiskill.assets.split_files import read_split_file
-from artiskill.errors import AssetError, UnknownNameError, shown
+from artiskill.errors import AssetError, check_name, shown
 
 _SPLIT_NAMES = (*SPLITS, ALL)
 _Given = str | Path | ArticulatedObject
@@ -38,10 +38,10 @@ def list_objects(category: str | None = None, split: str | None = None, task: st
     Raises:
         UnknownNameError: no such category, split or task.
     """
-    if category is not None and category not in CATEGORIES:
-        raise UnknownNameError("category", category, CATEGORIES)
-    if split is not None and split not in _SPLIT_NAMES:
-        raise UnknownNameError("split", split, _SPLIT_NAMES)
+    if category is not None:
+        check_name("category", category, CATEGORIES)
+    if split is not None:
+        check_name("split", split, _SPLIT_NAMES)
     splits = BENCHMARK_SPLITS if split in (None, ALL) else (split,)
     needs = None if task is None else task_needs(task)
     return [

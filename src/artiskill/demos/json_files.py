@@ -23,7 +23,7 @@ def checked_path(given: Path | str) -> Path:
     Raises:
         DemoError: it is no path, or one that nothing could bear.
     """
-    if not isinstance(given, Path | str):
+    if not isinstance(given, Path | str) or not str(given).strip():
         raise DemoError(f"demonstrations are in a folder or file, whose path is given, not {shown(given)}")
     try:
         return check_path(given)

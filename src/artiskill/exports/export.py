@@ -5,11 +5,12 @@ from pathlib import Path
 
 from artiskill import __version__
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.errors import UnknownNameError
+from artiskill.errors import check_name
 from artiskill.exports.folders import replace_folder
 from artiskill.exports.glb import write_glb
 from artiskill.exports.mjcf import write_mjcf
 from artiskill.exports.urdf import write_urdf
+from artiskill.jobs.whole_files import output_path
 
 _WRITERS: dict[str, Callable[[ArticulatedObject, Path], Path]] = {
     "mjcf": write_mjcf,
@@ -42,8 +43,7 @@ def export_object(
         ConfigError: the folder holds files that no export wrote, or cannot be written.
         MissingExtraError: `glb` without the extra `export`.
     """
-    if format not in _WRITERS:
-        raise UnknownNameError("format", format, FORMATS)
+    check_name("format", format, FORMATS)
     marker = {
         "made_by": f"ArtiSkill {__version__}",
         "format": format,
@@ -52,4 +52,4 @@ def export_object(
         "content_hash": obj.content_hash,
         "source": str(obj.metadata.get("source", "unknown")),
     }
-    return replace_folder(Path(folder), lambda new: _WRITERS[format](obj, new), marker, force)
+    return replace_folder(output_path(folder), lambda new: _WRITERS[format](obj, new), marker, force)

@@ -80,7 +80,7 @@ def _real_numbers(given: Any, rule: str) -> np.ndarray:
     try:
         is_complex = np.iscomplexobj(given)  # NumPy would drop the imaginary parts with no more than a warning
         array = np.zeros(0) if is_complex else np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except Exception as error:  # what a foreign type raises when it is no array cannot be listed
         raise ActionError(f"{rule}, not {shown(given)}") from error
     if is_complex:
         raise ActionError(f"{rule}, not complex ones")

@@ -51,8 +51,17 @@ class TaskConfig:
         )
 
     def steps_of(self, duration_s: float) -> int:
-        """How many environment steps a duration is, at least one."""
-        return max(1, round(duration_s / self.physics.step_s))
+        """How many environment steps a duration is, at least one.
+
+        Raises:
+            ConfigError: it is more than an episode could have.
+        """
+        steps = duration_s / self.physics.step_s
+        check(
+            steps <= _MOST_STEPS,
+            f"{duration_s:g} s are more than {_MOST_STEPS} steps of {self.physics.step_s:g} s",
+        )
+        return max(1, round(steps))
 
 
 Config = TypeVar("Config", bound=TaskConfig)

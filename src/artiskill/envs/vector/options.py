@@ -25,7 +25,7 @@ def as_autoreset_mode(given: AutoresetMode | str) -> AutoresetMode:
     """
     if isinstance(given, AutoresetMode):
         return given
-    if given in _VALUES:
+    if isinstance(given, str) and given in _VALUES:
         return AutoresetMode(given)
     check_name("autoreset mode", given, tuple(_MODES))
     return _MODES[given]
