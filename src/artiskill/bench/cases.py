@@ -43,7 +43,8 @@ class Case:
     def __post_init__(self) -> None:
         check_name("task", self.task, task_names())
         check_name("observation mode", self.obs_mode, OBSERVATION_MODES)
-        check(1 <= self.num_envs <= MOST_ENVS, f"num_envs must lie in [1, {MOST_ENVS}], not {self.num_envs}")
+        check(self.num_envs >= 1, f"num_envs must be at least 1, not {self.num_envs}")
+        check(self.num_envs <= MOST_ENVS, f"num_envs must be at most {MOST_ENVS}, not {self.num_envs}")
         check(self.num_threads >= 1, f"threads must be at least 1, not {self.num_threads}")
         check(self.seconds > 0, f"seconds must be positive, not {self.seconds}")
         check(self.points is None or self.points >= 1, f"points must be at least 1, not {self.points}")
