@@ -19,6 +19,7 @@ SOURCE = ROOT / "src" / "artiskill"
 ROOMS = (
     *(
         "errors",
+        "files",
         "config",
         "versions",
         "jobs",

@@ -181,8 +181,20 @@ def test_loading_with_overrides(tmp_path: Path) -> None:
     path.write_text("title: a\nphysics:\n  substeps: 2\n")
     world = load_config(World, path, {"physics.timestep_s": "5e-4", "title": "b"})
     assert world == World("b", Physics(0.0005, 2))
-    with pytest.raises(ConfigError, match=r"world\.yaml: physics: unknown key 'timestep'"):
+    with pytest.raises(ConfigError, match=r"^config: physics: unknown key 'timestep'"):
         load_config(World, path, {"physics.timestep": 1})
+
+
+def test_an_error_is_blamed_on_whose_value_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "world.yaml"
+    path.write_text("title: a\nphysics:\n  substeps: 2\n")
+    with pytest.raises(ConfigError, match=r"^config: 'physics\.substeps' must be int"):
+        load_config(World, path, {"physics.substeps": "many"})
+    path.write_text("title: a\nphysics:\n  substeps: many\n")
+    for given in (None, {}, {"title": "b"}):
+        with pytest.raises(ConfigError, match=r"^world\.yaml: 'physics\.substeps' must be int"):
+            load_config(World, path, given)
+    assert load_config(World, path, {"physics.substeps": 3}).physics.substeps == 3
 
 
 def test_round_trip(tmp_path: Path) -> None:

@@ -5,22 +5,25 @@ holds values only; which keys exist, their types and their meaning stand in the 
 """
 
 import dataclasses
-import difflib
 import json
 import math
 import re
 import types
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
 import dacite
 import yaml
 
-from artiskill.errors import ArtiSkillError, ConfigError
+from artiskill.errors import ArtiSkillError, ConfigError, closest, shown
+from artiskill.files import MOST_YAML_BYTES, parse_yaml, read_text
 
 CONFIG_DIR = Path(__file__).parent / "configs"
+
+_MOST_DEPTH = 50  # of nested keys
+_LARGEST_INT = 2**53  # beyond, floats leave whole numbers out, and arrays overflow
 
 T = TypeVar("T")
 
@@ -32,10 +35,10 @@ def load_yaml(path: Path) -> dict[str, Any]:
         ConfigError: the file is missing, is not YAML, or is not a mapping.
     """
     try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        data = parse_yaml(read_text(path, MOST_YAML_BYTES))
     except OSError as error:
         raise ConfigError(f"cannot read config file {str(path)!r}: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise ConfigError(f"{str(path)!r} is not valid YAML: {error}") from error
     if not isinstance(data, dict):
         raise ConfigError(f"{str(path)!r} must hold a mapping of keys to values, not {type(data).__name__}")
@@ -63,11 +66,48 @@ def from_mapping(cls: type[T], data: Mapping[str, Any], source: str = "config") 
 
 def load_config(cls: type[T], path: Path, overrides: Mapping[str, Any] | None = None) -> T:
     """Read `cls` from a YAML file, then apply overrides such as `{"physics.timestep_s": 0.001}`."""
-    return from_mapping(cls, merge_overrides(load_yaml(path), overrides or {}), source=path.name)
+    values = load_yaml(path)
+    return from_layers(cls, lambda given: merge_overrides(values, given), overrides, path.name)
+
+
+def from_layers(
+    cls: type[T],
+    merge: Callable[[Mapping[str, Any]], Mapping[str, Any]],
+    overrides: Mapping[str, Any] | None,
+    source: str,
+) -> T:
+    """Build `cls` from a file's values with a caller's laid over them; an error is blamed on whose value it is.
+
+    Args:
+        cls: as in `from_mapping`.
+        merge: the file's values with others laid over.
+        overrides: the caller's.
+        source: the file's name.
+
+    Raises:
+        ConfigError: as of `from_mapping`; its message begins with `config` where the file alone is in order.
+    """
+    if not overrides:
+        return from_mapping(cls, merge({}), source)
+    try:
+        return from_mapping(cls, merge(overrides))
+    except ConfigError:
+        from_mapping(cls, merge({}), source)
+        raise
 
 
 def merge_overrides(data: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """A copy of `data` in which each dotted key, or nested mapping, of `overrides` has its new value."""
+    """A copy of `data` in which each dotted key, or nested mapping, of `overrides` has its new value.
+
+    Raises:
+        ConfigError: keys are nested too deeply, or hold themselves.
+    """
+    return _merged(data, overrides, 0)
+
+
+def _merged(data: Mapping[str, Any], overrides: Mapping[str, Any], depth: int) -> dict[str, Any]:
+    if depth > _MOST_DEPTH:
+        raise ConfigError(f"keys are nested more than {_MOST_DEPTH} levels deep")
     merged = dict(data)
     for key, value in overrides.items():
         head, _, rest = str(key).partition(".")
@@ -75,9 +115,9 @@ def merge_overrides(data: Mapping[str, Any], overrides: Mapping[str, Any]) -> di
             value = {rest: value}
         old = merged.get(head)
         if isinstance(value, Mapping) and isinstance(old, Mapping):
-            value = merge_overrides(old, value)
+            value = _merged(old, value, depth + 1)
         elif isinstance(value, Mapping):
-            value = merge_overrides({}, value)
+            value = _merged({}, value, depth + 1)
         merged[head] = value
     return merged
 
@@ -136,7 +176,7 @@ def check(condition: bool, message: str) -> None:
 def check_value(config: object, name: str, legal: bool, rule: str) -> None:
     """Raise `ConfigError` with the field, the rule and the value unless `legal`."""
     owner = getattr(config, "name", "")
-    check(legal, f"{owner}{': ' if owner else ''}{name} {rule}, not {getattr(config, name)}")
+    check(legal, f"{owner}{': ' if owner else ''}{name} {rule}, not {shown(getattr(config, name))}")
 
 
 def check_vector(config: object, *names: str, size: int = 3) -> None:
@@ -169,7 +209,7 @@ def check_not_negative(config: object, *names: str) -> None:
 
 def check_inside(what: str, value: float, limits: Sequence[float]) -> None:
     """The number lies within the limits."""
-    check(limits[0] <= value <= limits[1], f"{what} must lie in {list(limits)}, not {value}")
+    check(limits[0] <= value <= limits[1], f"{what} must lie in {list(limits)}, not {shown(value)}")
 
 
 def _build(cls: Any, data: Any, path: str) -> Any:
@@ -184,13 +224,13 @@ def _build(cls: Any, data: Any, path: str) -> Any:
         ConfigError: as of `from_mapping`, without the source.
     """
     if not isinstance(data, Mapping):
-        raise ConfigError(f"{path or 'it'} must be a mapping of keys to values, not {data!r}")
+        raise ConfigError(f"{path or 'it'} must be a mapping of keys to values, not {shown(data)}")
     hints = typing.get_type_hints(cls)
     legal = [f.name for f in dataclasses.fields(cls)]
     for key in data:
         if key not in legal:
             where = f"{path}: " if path else ""
-            raise ConfigError(f"{where}unknown key {key!r}; {_nearest(key, legal)}Legal: {', '.join(legal)}.")
+            raise ConfigError(f"{where}unknown key {shown(key)}; {_nearest(key, legal)}Legal: {', '.join(legal)}.")
     fitted = {key: _fit(hints[key], value, _join(path, key)) for key, value in data.items()}
     try:
         return dacite.from_dict(cls, fitted)
@@ -242,7 +282,7 @@ def _fit(kind: Any, value: Any, path: str) -> Any:
         return _fit_union(arguments, value, path)
     if origin in (tuple, list) and isinstance(value, Mapping):
         key = next(iter(value), "")
-        raise ConfigError(f"{path} is a list, which is given as a whole, not by keys such as {key!r}")
+        raise ConfigError(f"{path} is a list, which is given as a whole, not by keys such as {shown(key)}")
     if origin in (tuple, list) and isinstance(value, list | tuple):
         items = arguments[:1] * len(value) if origin is list or arguments[1:] == (...,) else arguments
         fitted = [_fit(a, v, f"{path}[{i}]") for i, (a, v) in enumerate(zip(items, value, strict=False))]
@@ -269,12 +309,16 @@ def _fit_union(options: tuple[Any, ...], value: Any, path: str) -> Any:
 def _fit_number(kind: type, value: Any, path: str) -> Any:
     """Integers are legal where floats are; PyYAML reads `1e-3` as text, which is legal too; booleans are not."""
     if isinstance(value, bool):
-        raise ConfigError(f"{path}: a number was expected, not {value!r}")
+        raise ConfigError(f"{path}: a number was expected, not {shown(value)}")
+    if kind is int and isinstance(value, int) and abs(value) > _LARGEST_INT:
+        raise ConfigError(f"{path}: a whole number of at most {_LARGEST_INT} was expected, not {shown(value)}")
     if kind is float and isinstance(value, int | str):
         try:
-            return float(value)
+            value = float(value)
         except (ValueError, OverflowError) as error:
-            raise ConfigError(f"{path}: a number was expected, not {value!r}") from error
+            raise ConfigError(f"{path}: a number was expected, not {shown(value)}") from error
+    if isinstance(value, float) and math.isnan(value):
+        raise ConfigError(f"{path}: a number was expected, not {value}")
     return value
 
 
@@ -283,11 +327,11 @@ def _wanted(kind: Any, value: object) -> str:
     if typing.get_origin(kind) is typing.Literal:
         legal = list(map(str, typing.get_args(kind)))
         near = _nearest(value, legal).rstrip()
-        return f"one of {', '.join(map(repr, legal))}, not {value!r}{'; ' if near else ''}{near}"
+        return f"one of {', '.join(map(repr, legal))}, not {shown(value)}{'; ' if near else ''}{near}"
     name = kind.__name__ if isinstance(kind, type) and not typing.get_args(kind) else str(kind)
-    return f"{name}, not {value!r}"
+    return f"{name}, not {shown(value)}"
 
 
 def _nearest(given: object, legal: list[str]) -> str:
-    near = difflib.get_close_matches(str(given), legal, n=1)
-    return f"did you mean {near[0]!r}? " if near else ""
+    near = closest(given, legal)
+    return "" if near is None else f"did you mean {near!r}? "

@@ -5,12 +5,22 @@ derives from the built-in exception that a caller would expect, so `except Value
 """
 
 import difflib
+import reprlib
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
+
+_MOST_MESSAGE = 2000  # characters: what is longer nobody reads, and most of it is what somebody gave
+_MOST_COMPARED = 200  # characters of a name: comparing takes the product of two lengths
 
 
 class ArtiSkillError(Exception):
     """Root of all errors that ArtiSkill raises on purpose; they travel between processes."""
+
+    def __str__(self) -> str:
+        """The message; of a very long one, its beginning and its end."""
+        message = super().__str__()
+        half = _MOST_MESSAGE // 2
+        return message if len(message) <= _MOST_MESSAGE else f"{message[:half]} [...] {message[-half:]}"
 
     def __reduce__(self) -> tuple[Callable[..., "ArtiSkillError"], tuple[type["ArtiSkillError"], str]]:
         # by message: the constructors of some take other arguments
@@ -23,10 +33,10 @@ class UnknownNameError(ArtiSkillError, ValueError):
     def __init__(self, kind: str, given: object, legal: Iterable[str], hint: str = "") -> None:
         """Build the message from the kind of thing, the given name and all legal names."""
         names = sorted(map(str, legal))
-        near = difflib.get_close_matches(str(given), names, n=1, cutoff=0.5)
-        message = f"unknown {kind} {given!r}"
-        if near:
-            message += f"; did you mean {near[0]!r}?"
+        near = closest(given, names, cutoff=0.5)
+        message = f"unknown {kind} {shown(given)}"
+        if near is not None:
+            message += f"; did you mean {near!r}?"
         message += f" Legal: {_shorten(names)}." if near else f"; legal: {_shorten(names)}."
         super().__init__(f"{message} {hint}".rstrip())
 
@@ -96,10 +106,36 @@ class MissingExtraError(ArtiSkillError, ImportError):
         super().__init__(f"{feature} needs an optional dependency: pip install 'artiskill[{extra}]'")
 
 
-def check_name(kind: str, given: object, legal: tuple[str, ...]) -> None:
-    """Raise UnknownNameError unless a name is one of the legal ones."""
-    if given not in legal:
-        raise UnknownNameError(kind, given, legal)
+def check_name(kind: str, given: object, legal: Collection[str], hint: str = "") -> None:
+    """Raise UnknownNameError unless a name is one of the legal ones; what is no text is none of them."""
+    if not isinstance(given, str) or given not in legal:
+        raise UnknownNameError(kind, given, legal, hint)
+
+
+def shown(given: object) -> str:
+    """A value as an error shows it: `repr`, of a long or deep one its beginning, whatever `repr` raises."""
+    try:
+        text = _SHOWN.repr(given)
+    except Exception as error:  # of a foreign type, anything
+        return f"a {type(given).__name__} whose repr raises {type(error).__name__}"
+    return text if len(text) <= _SHOWN.maxother else f"{text[: _SHOWN.maxother]}..."
+
+
+def closest(given: object, legal: Iterable[str], cutoff: float = 0.6) -> str | None:
+    """The legal name that is most like a given one, if any is."""
+    if not isinstance(given, str) or len(given) > _MOST_COMPARED:
+        return None
+    return next(iter(difflib.get_close_matches(given, list(legal), n=1, cutoff=cutoff)), None)
+
+
+def _shortening_repr() -> reprlib.Repr:
+    made = reprlib.Repr()
+    made.maxlevel, made.maxstring, made.maxlong, made.maxother = 4, 300, 60, 400
+    made.maxlist = made.maxtuple = made.maxdict = made.maxset = made.maxfrozenset = made.maxarray = 20
+    return made
+
+
+_SHOWN = _shortening_repr()
 
 
 def _shorten(names: list[str], most: int = 12) -> str:

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from artiskill.assets.content_hash import content_hash
-from artiskill.errors import AssetError, UnknownNameError
+from artiskill.errors import AssetError, UnknownNameError, shown
 from artiskill.geometry.arrays import norm
 from artiskill.geometry.meshes import TriMesh
 
@@ -274,11 +274,11 @@ def _check_joint(joint: Joint, what: str) -> None:
     """Raises AssetError unless axis and limits are as `Joint` says: an engine would take others silently."""
     axis, limits = np.asarray(joint.axis), np.asarray(joint.limits)
     if axis.shape != (3,) or axis.dtype.kind not in "fiu" or not _is_unit(axis):
-        raise AssetError(f"{what}: its axis must be a finite vector of length 1, not {joint.axis!r}")
+        raise AssetError(f"{what}: its axis must be a finite vector of length 1, not {shown(joint.axis)}")
     if limits.shape != (2,) or limits.dtype.kind not in "fiu" or not limits[0] < limits[1]:
-        raise AssetError(f"{what}: its limits must be two numbers, lower < upper, not {joint.limits!r}")
+        raise AssetError(f"{what}: its limits must be two numbers, lower < upper, not {shown(joint.limits)}")
     if joint.kind != "revolute" and not np.isfinite(limits).all():
-        raise AssetError(f"{what} is {joint.kind}: its limits must be finite, not {joint.limits!r}")
+        raise AssetError(f"{what} is {joint.kind}: its limits must be finite, not {shown(joint.limits)}")
     if not (0 <= joint.stiffness < np.inf and np.isfinite(joint.spring_reference)):
         raise AssetError(
             f"{what}: its spring needs a finite stiffness of at least 0 and a finite reference, not "

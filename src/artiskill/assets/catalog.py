@@ -4,6 +4,7 @@ The catalogue's entries stand in `assets.entries`. Beside them, `generated:<cate
 `partnet:<id>` or a path an imported one. Fresh ones are drawn from streams of their own: none is in the catalogue.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from artiskill.assets.names import (
 )
 from artiskill.assets.needs import Needs, task_needs
 from artiskill.assets.split_files import read_split_file
-from artiskill.errors import AssetError, UnknownNameError
+from artiskill.errors import AssetError, check_name, shown
 
 _SPLIT_NAMES = (*SPLITS, ALL)
 _Given = str | Path | ArticulatedObject
@@ -37,10 +38,10 @@ def list_objects(category: str | None = None, split: str | None = None, task: st
     Raises:
         UnknownNameError: no such category, split or task.
     """
-    if category is not None and category not in CATEGORIES:
-        raise UnknownNameError("category", category, CATEGORIES)
-    if split is not None and split not in _SPLIT_NAMES:
-        raise UnknownNameError("split", split, _SPLIT_NAMES)
+    if category is not None:
+        check_name("category", category, CATEGORIES)
+    if split is not None:
+        check_name("split", split, _SPLIT_NAMES)
     splits = BENCHMARK_SPLITS if split in (None, ALL) else (split,)
     needs = None if task is None else task_needs(task)
     return [
@@ -184,7 +185,7 @@ def _generate_one(name: str, category: Category, seeds: range) -> ArticulatedObj
 def _not_an_object(given: object) -> AssetError:
     return AssetError(
         "objects must be a split, an object's name, a path, an ArticulatedObject or a sequence of these, "
-        f"not {type(given).__name__}: {given!r}"
+        f"not {type(given).__name__}: {shown(given)}"
     )
 
 
@@ -192,7 +193,7 @@ def _check_resolved(resolved: list[str | ArticulatedObject]) -> None:
     if not resolved:
         raise AssetError("objects must name at least one object")
     names = [object_id_of(item) for item in resolved]
-    twice = sorted({name for name in names if names.count(name) > 1})
+    twice = sorted(name for name, count in Counter(names).items() if count > 1)
     if twice:
         raise AssetError(f"objects name {', '.join(twice)} more than once")
 

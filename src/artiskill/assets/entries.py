@@ -6,6 +6,7 @@ from functools import cache
 from artiskill.assets.articulated_object import Category, JointKind
 from artiskill.assets.needs import MovingLink
 from artiskill.config import CONFIG_DIR, check, load_config
+from artiskill.errors import shown
 
 CATALOG_DIR = CONFIG_DIR / "catalog"
 CATEGORIES: tuple[Category, ...] = ("cabinet", "chair", "bucket")
@@ -38,7 +39,9 @@ class CatalogEntry:
     doors: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        check(self.split in SPLITS, f"{self.id}: split must be one of {', '.join(SPLITS)}, not {self.split!r}")
+        check(
+            self.split in SPLITS, f"{self.id}: split must be one of {', '.join(SPLITS)}, not {shown(self.split)}"
+        )
 
     @property
     def held_out(self) -> bool:

@@ -3,15 +3,18 @@
 import difflib
 import re
 from collections.abc import Iterable
-from pathlib import Path
 from typing import cast, get_args
 
 from artiskill.assets.articulated_object import Category
-from artiskill.errors import AssetError, UnknownNameError
+from artiskill.errors import AssetError, UnknownNameError, shown
+from artiskill.files import is_folder
 
 GENERATED = "generated"
 GENERATED_CATEGORIES: tuple[str, ...] = get_args(Category)
 PARTNET = "partnet"
+_MOST_COMPARED = 200  # characters: comparing takes the product of two lengths
+_MOST_DIGITS = 18  # of a seed: it is a part of an id, and of the names of files
+_MOST_OBJECTS = 10_000  # of a range: to see what a task can be done with, all are made, in 20 ms each
 _LEAST_RATIO = 0.5  # below it, two names have nothing to do with each other
 
 
@@ -28,8 +31,8 @@ class UnknownObjectError(UnknownNameError):
         """
         ids, splits = tuple(ids), tuple(splits)
         near = nearest_name(name, (*splits, *ids))
-        message = f"unknown object {name!r}"
-        if Path(name).is_dir():
+        message = f"unknown object {shown(name)}"
+        if is_folder(name):
             message += f"; a folder has this name: write './{name}' to mean it."
         else:
             message += f"; did you mean {near!r}?" if near else "."
@@ -51,6 +54,8 @@ def nearest_name(given: str, names: Iterable[str]) -> str | None:
     First one with the same numbers, `cabinet-0005` for `cabinet-5` say; else the most similar one, of equally
     similar ones the one that shares the longest beginning.
     """
+    if len(given) > _MOST_COMPARED:
+        return None
     given = given.lower()
     names = tuple(names)
     for name in names:
@@ -74,6 +79,7 @@ def parse_generated(name: str, category: Category = "cabinet") -> tuple[Category
 
     Raises:
         UnknownNameError: another category, or a seed that is no whole number of at least 0.
+        AssetError: a seed, or a range of them, that is too large.
     """
     found = re.match(rf"{GENERATED}[:-]", name)
     if found is None:
@@ -83,14 +89,18 @@ def parse_generated(name: str, category: Category = "cabinet") -> tuple[Category
     kind, seeds = (category, rest) if parts is None else (parts[1], parts[2])
     numbers = re.fullmatch(r"([0-9]+)(?:\.\.([0-9]+))?", seeds)
     if kind not in GENERATED_CATEGORIES:
-        raise UnknownNameError("category", kind, GENERATED_CATEGORIES, f"(in {name!r})")
+        raise UnknownNameError("category", kind, GENERATED_CATEGORIES, f"(in {shown(name)})")
     if numbers is None:
         hint = "The seed is a whole number of at least 0, or <first>..<last>."
         raise UnknownNameError("object", name, (f"{GENERATED}:<category>:<seed>",), hint)
+    if max(map(len, filter(None, numbers.groups()))) > _MOST_DIGITS:
+        raise AssetError(f"object {shown(name)}: a seed has at most {_MOST_DIGITS} digits")
     first = int(numbers[1])
     last = first if numbers[2] is None else int(numbers[2])
     if last < first:
         raise AssetError(f"object {name!r}: the last seed, {last}, comes before the first, {first}")
+    if last - first >= _MOST_OBJECTS:
+        raise AssetError(f"object {name!r} means {last - first + 1} objects; at most {_MOST_OBJECTS} are legal")
     return cast(Category, kind), range(first, last + 1)
 
 

@@ -98,7 +98,7 @@ def task_needs(task: str) -> Needs:
     Raises:
         UnknownNameError: no such task.
     """
-    name = task.split("/")[-1].split("-v")[0]
+    name = task.split("/")[-1].split("-v")[0] if isinstance(task, str) else None
     if name not in TASK_NEEDS:
         raise UnknownNameError("task", task, TASK_NEEDS)
     return TASK_NEEDS[name]

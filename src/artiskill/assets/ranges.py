@@ -5,6 +5,7 @@ from dataclasses import fields
 from typing import Any
 
 from artiskill.config import check
+from artiskill.errors import shown
 
 Range = tuple[float, float]  # smallest and largest, both possible
 
@@ -38,5 +39,5 @@ def check_weights(weights: Mapping[str, float], legal: tuple[str, ...], where: s
     """
     for name, weight in weights.items():
         check(name in legal, f"{where}: unknown name {name!r}; legal: {', '.join(legal)}")
-        check(weight >= 0, f"{where}: the weight of {name!r} must be at least 0, not {weight!r}")
+        check(weight >= 0, f"{where}: the weight of {name!r} must be at least 0, not {shown(weight)}")
     check(any(weights.values()), f"{where}: at least one weight must be above 0")

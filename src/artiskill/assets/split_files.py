@@ -6,7 +6,8 @@ from pathlib import Path
 
 from artiskill.assets.names import is_path, is_split_file
 from artiskill.config import from_mapping, load_yaml
-from artiskill.errors import AssetError
+from artiskill.errors import AssetError, shown
+from artiskill.files import is_file, is_folder
 
 
 @dataclass(frozen=True)
@@ -29,16 +30,16 @@ def read_split_file(path: Path) -> tuple[str, ...]:
         AssetError: there is no such file, or it lists nothing, no list, or another split file.
         ConfigError: it has another form.
     """
-    if path.is_dir():
+    if is_folder(path):
         raise AssetError(f"split file {str(path)!r} is a folder; write {f'{path}/'!r} to mean an object in it")
-    if not path.is_file():
-        raise AssetError(f"split file {str(path)!r} does not exist; it holds YAML, `objects: [names]`")
+    if not is_file(path):
+        raise AssetError(f"split file {shown(str(path))} does not exist; it holds YAML, `objects: [names]`")
     data = load_yaml(path)
     given = data.get("objects", [])
     if not isinstance(given, list):
-        example = given if isinstance(given, str) else "cabinet-0001"
+        example = given if isinstance(given, str) and len(given) < 100 else "cabinet-0001"
         raise AssetError(
-            f"split file {str(path)!r}: `objects` must be a list of names, not {given!r}; for example "
+            f"split file {str(path)!r}: `objects` must be a list of names, not {shown(given)}; for example "
             f"`objects: [{example}]`"
         )
     names = from_mapping(SplitFile, data, path.name).objects

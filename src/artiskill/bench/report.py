@@ -9,7 +9,7 @@ from typing import Any
 from artiskill.bench.measure import Measurement
 from artiskill.bench.plot import draw
 from artiskill.errors import ConfigError
-from artiskill.jobs.whole_files import whole_file
+from artiskill.jobs.whole_files import output_path, whole_file
 
 JSON_FILE, PLOT_FILE = "bench.json", "bench.png"
 
@@ -38,7 +38,7 @@ def write_bench(report: BenchReport, folder: Path, plot: bool = True) -> list[Pa
         ConfigError: the folder cannot be written to.
         MissingExtraError: a plot without the extra `bench`.
     """
-    paths = [folder / JSON_FILE]
+    paths = [output_path(folder) / JSON_FILE]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with whole_file(paths[0]) as temporary:

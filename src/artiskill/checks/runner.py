@@ -2,9 +2,7 @@
 
 import json
 import multiprocessing
-import os
 import signal
-import tempfile
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
@@ -24,6 +22,7 @@ from artiskill.checks.specimen import Specimen
 from artiskill.checks.table import CHECKS, Check
 from artiskill.config import to_mapping
 from artiskill.errors import ArtiSkillError, ConfigError
+from artiskill.jobs.whole_files import whole_file
 
 LOADS = "loads"
 Item = str | ArticulatedObject
@@ -127,11 +126,8 @@ def write_json(reports: Sequence[ObjectReport], config: ChecksConfig, path: Path
         "config": to_mapping(config),
     }
     try:
-        with tempfile.NamedTemporaryFile("w", dir=path.parent, prefix=".check-", delete=False) as file:
-            json.dump(content, file, indent=1)
-            file.write("\n")
-        os.chmod(file.name, 0o644)
-        os.replace(file.name, path)
+        with whole_file(path) as temporary:
+            temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"cannot write {str(path)!r}: {error.strerror or error}") from error
 

@@ -41,9 +41,10 @@ def run(arguments: argparse.Namespace) -> int:
     from artiskill.cli.progress import Progress
     from artiskill.evaluation.report_files import check_folder
     from artiskill.jobs.parallel import available_cores
+    from artiskill.jobs.whole_files import output_path
 
     if arguments.json is not None:
-        check_folder(arguments.json.absolute().parent)
+        check_folder(output_path(arguments.json).absolute().parent)
     config = load_checks_config(overrides_of(arguments.set))
     items = resolve_objects(arguments.objects)
     workers = available_cores() if arguments.workers is None else arguments.workers

@@ -5,7 +5,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from artiskill.errors import ArtiSkillError, UnknownNameError
+from artiskill.errors import ArtiSkillError, UnknownNameError, shown
+from artiskill.files import check_path, parse_yaml
+
+_MOST_CHARACTERS, _MOST_SHOWN = 10_000, 100  # of an argument, and of one that argparse may quote
 
 
 class UsageError(ArtiSkillError, ValueError):
@@ -41,13 +44,28 @@ class Parser(argparse.ArgumentParser):
             raise UsageError(
                 f"{UnknownNameError('option', unknown[0].split('=')[0], legal)} (see {command.prog} -h)"
             )
-        return command.error(f"unexpected argument {unknown[0]!r}")
+        return command.error(f"unexpected argument {shown(unknown[0])}")
 
     def _get_value(self, action: argparse.Action, text: str) -> Any:
-        """Argparse's conversion; no path is empty, which would be the working directory."""
-        if action.type is Path and not text.strip():
-            raise UsageError(f"{'/'.join(action.option_strings) or action.dest} needs a path, not {text!r}")
-        return super()._get_value(action, text)
+        """Argparse's conversion; no path is empty, which would be the working directory, or impossible."""
+        name = "/".join(action.option_strings) or action.dest
+        if len(text) > _MOST_CHARACTERS:
+            raise UsageError(f"{name} is too long: {len(text)} characters, of {_MOST_CHARACTERS} that are legal")
+        if "\0" in text or any("\ud800" <= character <= "\udfff" for character in text):
+            raise UsageError(f"{name} is no text: {shown(text)} holds NUL, or what is not valid UTF-8")
+        if action.type is Path:
+            if not text.strip():
+                raise UsageError(f"{name} needs a path, not {shown(text)}")
+            try:
+                check_path(text)
+            except OSError as error:
+                raise UsageError(f"{name}: {shown(text)} is no path: {error.strerror}") from error
+        try:
+            return super()._get_value(action, text)
+        except argparse.ArgumentError as error:
+            if len(text) <= _MOST_SHOWN:
+                raise
+            raise UsageError(f"{name} takes no {shown(text)}") from error
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         """Argparse's check of `choices`, which argparse makes, with our message."""
@@ -64,15 +82,13 @@ def overrides_of(pairs: Sequence[str]) -> dict[str, Any]:
     Raises:
         UsageError: a pair without `=`, or a value that is no YAML.
     """
-    import yaml
-
     overrides: dict[str, Any] = {}
     for pair in pairs:
         key, equals, text = pair.partition("=")
         if not key or not equals:
-            raise UsageError(f"--set takes key=value, success.open_fraction=0.5 say, not {pair!r}")
+            raise UsageError(f"--set takes key=value, success.open_fraction=0.5 say, not {shown(pair)}")
         try:
-            overrides[key] = yaml.safe_load(text)
-        except yaml.YAMLError as error:
-            raise UsageError(f"--set {pair}: the value is not valid YAML") from error
+            overrides[key] = parse_yaml(text)
+        except ValueError as error:
+            raise UsageError(f"--set {shown(pair)}: the value is not valid YAML: {error}") from error
     return overrides

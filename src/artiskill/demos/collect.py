@@ -19,7 +19,7 @@ from artiskill.demos.streams import Stream
 from artiskill.demos.unfinished import WORKER_HINT
 from artiskill.demos.unlisted import entry_of, file_name, with_unlisted
 from artiskill.demos.writing import make_header, write_object_file
-from artiskill.errors import ConfigError, DemoError
+from artiskill.errors import ConfigError, DemoError, shown
 from artiskill.jobs.parallel import run_source
 from artiskill.jobs.ray_cluster import RayCluster
 from artiskill.jobs.ray_jobs import connected
@@ -59,7 +59,7 @@ def collect(
     """
     folder = Path(folder)
     if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
-        raise ConfigError(f"workers must be a whole number of at least 1, not {workers!r}")
+        raise ConfigError(f"workers must be a whole number of at least 1, not {shown(workers)}")
     with ExitStack() as stack:
         local = partial(run_source, workers=workers, hint=WORKER_HINT)
         run = local if cluster is None else stack.enter_context(connected(cluster))

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.catalog import load_object
+from artiskill.assets.catalog import is_nameable, load_object
+from artiskill.assets.names import partnet_id
 from artiskill.demos.arrays import Form, check_finite, check_forms
 from artiskill.demos.hdf5 import reading
 from artiskill.demos.header import Header
@@ -19,7 +20,7 @@ from artiskill.demos.settings import Settings
 from artiskill.demos.trajectory import Trajectory
 from artiskill.demos.writing import ATTEMPT_TYPE, ATTEMPTS
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.errors import ArtiSkillError, DemoError, check_name
+from artiskill.errors import ArtiSkillError, DemoError, check_name, shown
 from artiskill.tasks.levels import check_level
 
 _ADVICE = "its folder may be handed over: `--objects FOLDER` of verify and replay, `--object FOLDER` of pictures"
@@ -163,7 +164,7 @@ class DemoFile(OpenFile):
         """
         wanted = self.header.content_hash
         try:
-            found = self.header.facts["name"] if given is None else given
+            found = self._named_object() if given is None else given
             found = load_object(found) if isinstance(found, str) else found
         except ArtiSkillError as error:
             raise DemoError(f"{str(self.path)!r}: cannot load its object: {error} ({_ADVICE})") from error
@@ -173,6 +174,13 @@ class DemoFile(OpenFile):
                 f"now it is {found.content_hash}"
             )
         return found
+
+    def _named_object(self) -> str:
+        """The name that the file says its object has: never a path, which is for the user to choose."""
+        name: str = self.header.facts["name"]
+        if is_nameable(name) or partnet_id(name) is not None:
+            return name
+        raise DemoError(f"its file calls it {shown(name)}, which is no name that a file may choose")
 
     def make_env(
         self, obs_mode: str = "state", obj: str | ArticulatedObject | None = None, **options: Any

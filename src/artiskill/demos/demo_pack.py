@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from artiskill.demos.demos import Demos
-from artiskill.errors import UnknownNameError
+from artiskill.errors import check_name
 from artiskill.tasks.registry import task_names
 
 PACK = Path(__file__).parent / "pack"
@@ -17,6 +17,5 @@ def load_demo_pack(task: str) -> Demos:
         MissingExtraError: h5py is not installed, when a file is opened.
     """
     legal = [name for name in task_names() if (PACK / name).is_dir()]
-    if task not in legal:
-        raise UnknownNameError("task", task, legal, "(of the demo pack)")
+    check_name("task", task, legal, "(of the demo pack)")
     return Demos(PACK / task)

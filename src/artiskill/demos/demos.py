@@ -6,10 +6,11 @@ from pathlib import Path
 
 from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.header import FORMAT
-from artiskill.demos.json_files import MANIFEST, format_of
+from artiskill.demos.json_files import MANIFEST, checked_path, format_of
 from artiskill.demos.manifest import FileEntry, Manifest, check_file, read_manifest
 from artiskill.demos.trajectory import Trajectory
 from artiskill.errors import DemoError, UnknownNameError
+from artiskill.files import is_file
 
 _LOGGER = logging.getLogger("artiskill.demos")
 
@@ -30,12 +31,12 @@ class Demos:
     """
 
     def __init__(self, path: Path | str, check: bool = False) -> None:
-        self.folder = Path(path)
+        self.folder = checked_path(path)
         self.manifest: Manifest = read_manifest(self.folder)
         for name, entry in self.manifest.files.items():
             if check:
                 check_file(self.folder, name, entry)
-            elif not (self.folder / name).is_file():
+            elif not is_file(self.folder / name):
                 raise DemoError(f"{str(self.folder / name)!r} is missing: the manifest lists it")
 
     @property
@@ -88,8 +89,8 @@ def find_folders(path: Path | str) -> list[Path]:
     Raises:
         DemoError: there are none.
     """
-    path = Path(path)
-    if path.is_file():
+    path = checked_path(path)
+    if is_file(path):
         raise DemoError(f"{str(path)!r} is a file; name its folder, {str(path.parent)!r}, which has the manifest")
     if (path / MANIFEST).exists() or any(path.glob("*.h5")):
         return [path]

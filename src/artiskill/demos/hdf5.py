@@ -8,7 +8,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from artiskill.demos.hdf5_content import MOST_ARRAY_BYTES, check_content
 from artiskill.errors import ArtiSkillError, DemoError, MissingExtraError
+from artiskill.files import is_file, is_folder
 from artiskill.jobs.whole_files import whole_file
 
 # Structures of HDF5 1.10: small, readable by every library of the last years; the same content, the same bytes.
@@ -16,6 +18,11 @@ _VERSIONS = ("v110", "v110")
 _NO_ROOM = os.strerror(errno.ENOSPC)
 _GROWTH_BYTES = 1 << 20  # of a file in memory
 _SPARE_BYTES, _MEGA = 4_000_000, 1e6
+# what h5py raises about damaged content, and what readers raise about content that they did not expect
+_DAMAGED = (
+    *(OSError, RuntimeError, LookupError, ValueError, TypeError, AttributeError, ArithmeticError),
+    MemoryError,
+)
 
 
 def load_h5py() -> Any:
@@ -87,7 +94,7 @@ def check_room(path: Path, room: int) -> None:
     Raises:
         DemoError: there is not.
     """
-    free = shutil.disk_usage(next(folder for folder in path.parents if folder.is_dir())).free
+    free = shutil.disk_usage(next(folder for folder in path.parents if is_folder(folder))).free
     wanted = _with_spare(room)
     if wanted > free:
         needs = f"{wanted / _MEGA:.0f} MB may be needed, {free / _MEGA:.0f} MB are free"
@@ -116,21 +123,32 @@ def _reason(error: Exception) -> str:
     return getattr(error, "strerror", None) or (str(error).splitlines() or [type(error).__name__])[0]
 
 
-def open_file(path: Path) -> Any:
-    """A file, open for reading.
+def open_file(path: Path, most_bytes: int = MOST_ARRAY_BYTES) -> Any:
+    """A file, open for reading, that holds what we write and nothing that leads elsewhere (`hdf5_content`).
+
+    Args:
+        path: of the file.
+        most_bytes: of an array in it.
 
     Raises:
-        DemoError: there is none, or it is no HDF5, or not whole.
+        DemoError: there is none, or it is no HDF5, or not whole, or it holds something else.
         MissingExtraError: h5py is not installed.
     """
     h5py = load_h5py()
-    if not path.is_file():
+    if not is_file(path):
         raise DemoError(f"there is no file {str(path)!r}")
     try:
-        return h5py.File(path, "r")
-    except OSError as error:
+        file = h5py.File(path, "r")
+    except (OSError, RuntimeError, ValueError) as error:
         reason = "it is truncated" if "truncated" in str(error) else "it is no HDF5 file, or a damaged one"
         raise DemoError(f"cannot read {str(path)!r}: {reason}") from error
+    try:
+        with reading(path, "what it holds"):
+            check_content(file, most_bytes)
+    except BaseException:
+        file.close()
+        raise
+    return file
 
 
 @contextmanager
@@ -142,7 +160,7 @@ def reading(path: Path, what: str) -> Iterator[None]:
     """
     try:
         yield
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError, AttributeError) as error:
+    except _DAMAGED as error:
         if isinstance(error, DemoError):
             raise
         if _NO_ROOM in str(error):  # of copying from this file to another one

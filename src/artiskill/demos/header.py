@@ -14,6 +14,7 @@ from artiskill.config import from_mapping, to_mapping
 from artiskill.demos.columns import Columns
 from artiskill.demos.settings import Settings
 from artiskill.errors import DemoError
+from artiskill.files import parse_json
 
 FORMAT = "artiskill-demonstrations"
 SCHEMA_VERSION = 2
@@ -91,9 +92,11 @@ class Header:
         """
         check_format(given.get("format"), given.get("schema_version"), path)
         found = {
-            name: json.loads(given[name])
+            name: parse_json(given[name])
             for name in ("facts", "settings", "targets", "flag_names", "state_columns", "key_frame_columns")
         }
+        if not isinstance(found["facts"], dict) or not isinstance(found["facts"]["name"], str):
+            raise ValueError("its facts are no mapping with a name")
         return cls(
             object=str(given["object"]),
             content_hash=str(given["content_hash"]),

@@ -8,12 +8,27 @@ from typing import Any, TypeVar
 from artiskill.assets.articulated_object import LEGAL_ID
 from artiskill.config import from_mapping, to_mapping
 from artiskill.demos.header import check_format
-from artiskill.errors import ConfigError, DemoError
+from artiskill.errors import ConfigError, DemoError, shown
+from artiskill.files import check_path, parse_json, read_bytes
 from artiskill.jobs.whole_files import whole_file
 
 MANIFEST = "manifest.json"
 
 T = TypeVar("T")
+
+
+def checked_path(given: Path | str) -> Path:
+    """A path of demonstrations, if anything could bear it.
+
+    Raises:
+        DemoError: it is no path, or one that nothing could bear.
+    """
+    if not isinstance(given, Path | str) or not str(given).strip():
+        raise DemoError(f"demonstrations are in a folder or file, whose path is given, not {shown(given)}")
+    try:
+        return check_path(given)
+    except OSError as error:
+        raise DemoError(f"{shown(str(given))} is no path: {error.strerror}") from error
 
 
 def read_json(cls: type[T], folder: Path, wanted: str, version: int, what: str, advice: str = "") -> T:
@@ -33,14 +48,17 @@ def read_json(cls: type[T], folder: Path, wanted: str, version: int, what: str, 
     """
     path = folder / MANIFEST
     try:
-        given = json.loads(path.read_text(encoding="utf-8"))
+        given = parse_json(read_bytes(checked_path(path)))
     except FileNotFoundError as error:
         lost = advice if any(folder.glob("*.h5")) else ""
         raise DemoError(f"{str(folder)!r} holds no {what}: it has no {MANIFEST}{lost}") from error
     except NotADirectoryError as error:
         raise DemoError(f"{str(folder)!r} is a file, not a folder of {what}") from error
+    except DemoError:
+        raise
     except (OSError, ValueError) as error:
-        raise DemoError(f"{str(path)!r} is damaged: {error}{advice}") from error
+        said = getattr(error, "strerror", None) or error
+        raise DemoError(f"{str(path)!r} is damaged: {said}{advice}") from error
     if not isinstance(given, dict):
         raise DemoError(f"{str(path)!r} holds no {what} of artiskill")
     check_format(given.pop("format", None), given.pop("schema_version", None), path, wanted, version, what)
@@ -74,7 +92,7 @@ def listed_files(folder: Path) -> tuple[str, ...]:
 def _read(folder: Path) -> dict[str, Any]:
     """What can be read of a manifest."""
     try:
-        found = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        found = parse_json(read_bytes(folder / MANIFEST))
     except (OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}

@@ -8,6 +8,7 @@ from artiskill.demos.header import FORMAT, SCHEMA_VERSION, TargetCount
 from artiskill.demos.json_files import MANIFEST, read_json, write_json
 from artiskill.demos.settings import Settings
 from artiskill.errors import DemoError
+from artiskill.files import open_regular
 
 _ADVICE = (
     f"; where it was lost or damaged, remove what is left of {MANIFEST} and collect with the options of before: "
@@ -78,7 +79,7 @@ def sha256_of(path: Path) -> str:
         DemoError: it cannot be read.
     """
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise DemoError(f"cannot read {str(path)!r}: {error.strerror or error}") from error

@@ -6,7 +6,9 @@ from types import TracebackType
 from typing import Any, Self
 
 from artiskill.demos.hdf5 import open_file, reading
-from artiskill.errors import DemoError
+from artiskill.demos.hdf5_content import MOST_ARRAY_BYTES
+from artiskill.demos.json_files import checked_path
+from artiskill.errors import DemoError, shown
 
 TRAJECTORY = "traj_"  # and its number: the group of a trajectory
 
@@ -20,7 +22,7 @@ def whole_number(given: int, what: str) -> int:
     try:
         return operator.index(given)
     except TypeError as error:
-        raise TypeError(f"{what} must be a whole number, not {given!r}") from error
+        raise TypeError(f"{what} must be a whole number, not {shown(given)}") from error
 
 
 class OpenFile:
@@ -29,6 +31,7 @@ class OpenFile:
     Args:
         path: of the file.
         what: that `_read_header` reads, for errors.
+        most_bytes: of an array in it.
 
     Attributes:
         path: of the file.
@@ -38,9 +41,9 @@ class OpenFile:
         MissingExtraError: h5py is not installed.
     """
 
-    def __init__(self, path: Path | str, what: str) -> None:
-        self.path = Path(path)
-        self._file = open_file(self.path)
+    def __init__(self, path: Path | str, what: str, most_bytes: int = MOST_ARRAY_BYTES) -> None:
+        self.path = checked_path(path)
+        self._file = open_file(self.path, most_bytes)
         try:
             with reading(self.path, what):
                 self._count = sum(name.startswith(TRAJECTORY) for name in self._file)

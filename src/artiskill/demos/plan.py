@@ -15,7 +15,7 @@ from artiskill.demos.settings import CONTROLLER, ExpertInfo, Settings, mapping_h
 from artiskill.demos.streams import Stream, make_streams
 from artiskill.envs.control import CONTROL_MODES, JOINT
 from artiskill.envs.manipulation import ObjectChoice
-from artiskill.errors import ConfigError, UnknownNameError, check_name
+from artiskill.errors import ConfigError, UnknownNameError, check_name, shown
 from artiskill.experts.registry import make_expert
 from artiskill.experts.variation import load_variation, varied
 from artiskill.tasks.levels import MAX_LEVEL, check_level
@@ -110,7 +110,7 @@ def make_plan(
     if per_object is not None and per_target is not None:
         raise ConfigError("trajectories are wanted per object or per target, not both")
     for name, given in (("keep_failures", keep_failures), ("variety", variety)):
-        check(isinstance(given, bool), f"{name} must be True or False, not {given!r}")
+        check(isinstance(given, bool), f"{name} must be True or False, not {shown(given)}")
     made, demos_config = make_task(task, config), demos_config or load_demos_config()
     check_name("control mode", control_mode, CONTROL_MODES)
     if per_object is None and per_target is None:
@@ -163,7 +163,7 @@ def _count(wanted: int | None, of: str) -> int | None:
     if wanted is None:
         return None
     is_legal = isinstance(wanted, int) and not isinstance(wanted, bool) and 1 <= wanted <= MAX_LEVEL
-    check(is_legal, f"the trajectories per {of} must be a whole number from 1 to {MAX_LEVEL}, not {wanted!r}")
+    check(is_legal, f"the trajectories per {of} must be a whole number from 1 to {MAX_LEVEL}, not {shown(wanted)}")
     return wanted
 
 
@@ -172,7 +172,7 @@ def _links(targets: Sequence[str] | None) -> tuple[str, ...] | None:
     if targets is None:
         return None
     is_legal = not isinstance(targets, str) and bool(targets) and all(isinstance(name, str) for name in targets)
-    check(is_legal, f"targets must be a list of names of links, ['link_0'] say, not {targets!r}")
+    check(is_legal, f"targets must be a list of names of links, ['link_0'] say, not {shown(targets)}")
     return tuple(sorted(set(targets)))
 
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -9,8 +10,8 @@ from typing import Any
 from artiskill.config import differing, to_mapping
 from artiskill.demos.config import PatienceConfig, StoreConfig
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
-from artiskill.errors import ArtiSkillError, DemoError
-from artiskill.robots.config import RobotConfig
+from artiskill.errors import ArtiSkillError, ConfigError, DemoError
+from artiskill.robots.config import LIKE, RobotConfig
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.props import Prop
 from artiskill.sim.state_checks import touched_props
@@ -73,6 +74,11 @@ class Settings:
     store: StoreConfig
     patience: PatienceConfig
     versions: dict[str, str]
+
+    def __post_init__(self) -> None:
+        robot = self.config.get("robot", {})
+        if not isinstance(robot, Mapping) or LIKE in robot or any("." in key for key in (*self.config, *robot)):
+            raise ConfigError("config must be resolved: a robot that is like another one is a file to be opened")
 
     @property
     def overrides(self) -> dict[str, Any]:

@@ -11,12 +11,13 @@ from artiskill.assets.catalog import load_object
 from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.demonstrator import Replay
 from artiskill.demos.header import object_facts
+from artiskill.demos.json_files import checked_path
 from artiskill.demos.manifest import FileEntry, check_file, read_manifest
 from artiskill.demos.recording import ARRAYS, UNREPEATED, Recording, record
 from artiskill.demos.settings import Settings, plain
 from artiskill.demos.trajectory import Trajectory
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.errors import ArtiSkillError, ConfigError, DemoError
+from artiskill.errors import ArtiSkillError, ConfigError, DemoError, shown
 from artiskill.jobs.parallel import run_jobs
 
 _JOB_TRAJECTORIES = 25
@@ -77,9 +78,9 @@ def verify(
         DemoError: the folder has no manifest that can be read. What is wrong with a file stands in its verdict.
         ConfigError: an illegal number of workers.
     """
-    folder = Path(folder)
+    folder = checked_path(folder)
     if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
-        raise ConfigError(f"workers must be a whole number of at least 1, not {workers!r}")
+        raise ConfigError(f"workers must be a whole number of at least 1, not {shown(workers)}")
     loaded = [load_object(one) if isinstance(one, str) else one for one in objects]
     manifest, given = read_manifest(folder), {obj.id: obj for obj in loaded}
     parts: dict[str, list[Verdict]] = {}

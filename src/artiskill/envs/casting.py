@@ -6,7 +6,7 @@ from typing import Any
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import is_nameable, load_object, resolve_objects
 from artiskill.assets.needs import TASK_NEEDS
-from artiskill.errors import AssetError, UnknownNameError
+from artiskill.errors import AssetError, check_name
 from artiskill.tasks.levels import Stream, level_generator
 from artiskill.tasks.task import Task
 
@@ -88,8 +88,8 @@ class Casting:
         targets = self.task.targets(obj)
         if not targets:
             raise AssetError(f"object {obj.id!r} has no link that {self.task.name} could be done with")
-        if target is not None and target not in targets:
-            raise UnknownNameError("target link", target, targets, f"(object {obj.id!r}, {self.task.name})")
+        if target is not None:
+            check_name("target link", target, targets, f"(object {obj.id!r}, {self.task.name})")
         return targets
 
 

@@ -6,7 +6,7 @@ from typing import Any
 from artiskill.envs.control import CONTROL_MODES
 from artiskill.envs.observation import Observer, StateObserver
 from artiskill.envs.vision import PointCloudObserver, RgbdObserver
-from artiskill.errors import ConfigError, check_name
+from artiskill.errors import ConfigError, check_name, shown
 from artiskill.tasks.task import Task
 
 OBSERVERS: dict[str, Callable[[Task], Observer]] = {
@@ -42,7 +42,7 @@ def checked_options(given: object, legal: tuple[str, ...]) -> dict[str, Any]:
     if given is None:
         return {}
     if not isinstance(given, Mapping):
-        raise ConfigError(f"reset options are a mapping with the keys {', '.join(legal)}, not {given!r}")
+        raise ConfigError(f"reset options are a mapping with the keys {', '.join(legal)}, not {shown(given)}")
     for key in given:
         check_name("reset option", key, legal)
     return dict(given)

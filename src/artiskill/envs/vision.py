@@ -11,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 
 from artiskill.envs.observation import Instant
-from artiskill.errors import UnknownNameError
+from artiskill.errors import check_name
 from artiskill.scene.scene import Scene
 from artiskill.sensors.downsample import Sampler, make_sampler
 from artiskill.sensors.panorama import Panorama
@@ -135,8 +135,7 @@ class PointCloudObserver:
         Raises:
             UnknownNameError: no such frame.
         """
-        if frame not in FRAMES:
-            raise UnknownNameError("frame", frame, FRAMES)
+        check_name("frame", frame, FRAMES)
         self._eyes = eyes = Eyes(task)
         self.sampler, self._frame = sampler, frame
         count = task.cameras.pixels if sampler is None else sampler.num_points

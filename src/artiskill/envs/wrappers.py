@@ -9,7 +9,7 @@ import numpy as np
 
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.vision import PointCloudObserver, sampled_points
-from artiskill.errors import ConfigError
+from artiskill.errors import ConfigError, shown
 
 
 class PointCloudDownsample(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):
@@ -120,7 +120,9 @@ def _manipulation_env(env: gym.Env[Any, Any]) -> ManipulationEnv:
     base = env.unwrapped
     mode = getattr(base, "obs_mode", None)
     if not isinstance(base, ManipulationEnv) or mode != "pointcloud":
-        raise ConfigError(f"down-sampling needs an environment with obs_mode='pointcloud', not {mode!r} of {env}")
+        raise ConfigError(
+            f"down-sampling needs an environment with obs_mode='pointcloud', not {shown(mode)} of {env}"
+        )
     if env.observation_space is not base.observation_space:
         raise ConfigError(f"apply down-sampling before the wrappers that change observations, not to {env}")
     if base.observation_space != PointCloudObserver(base.task).space:

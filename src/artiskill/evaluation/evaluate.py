@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from artiskill.envs.manipulation import ObjectChoice
-from artiskill.errors import ConfigError
+from artiskill.errors import ConfigError, shown
 from artiskill.evaluation.episodes import EpisodeResult, run_episode
 from artiskill.evaluation.plan import WORKER_HINT, EpisodeBatch, Plan, make_plan
 from artiskill.evaluation.policies import Actor, load_policy
@@ -121,7 +121,7 @@ def run_batches(
 def check_workers(plan: Plan, workers: object, step_timeout_s: object = None) -> None:
     """Raise `ConfigError` unless so many processes can work on the plan, under that limit per step."""
     if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
-        raise ConfigError(f"workers must be a whole number of at least 1, not {workers!r}")
+        raise ConfigError(f"workers must be a whole number of at least 1, not {shown(workers)}")
     if step_timeout_s is not None:
         check_limit(step_timeout_s)
     if workers > 1 and not plan.is_portable:

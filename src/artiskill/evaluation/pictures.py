@@ -1,7 +1,5 @@
 """Still and moving pictures of one episode, or of an object alone, written to a file."""
 
-import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +14,7 @@ from artiskill.envs.control import JOINT
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.observation import Instant
 from artiskill.envs.rendering import HEIGHT, WIDTH, Viewpoint
-from artiskill.errors import ConfigError
+from artiskill.errors import ConfigError, shown
 from artiskill.evaluation.episodes import play_steps, run_episode
 from artiskill.evaluation.policies import load_policy
 from artiskill.evaluation.recording import (
@@ -29,6 +27,7 @@ from artiskill.evaluation.recording import (
 from artiskill.evaluation.report_files import check_folder
 from artiskill.evaluation.scene_pictures import PictureStyle, ScenePainter, check_size
 from artiskill.evaluation.video import caption, write_video
+from artiskill.jobs.whole_files import output_path, whole_file
 from artiskill.scene.cache import cached_scene
 from artiskill.sensors.object_picture import AZIMUTH_DEG, CLOSED, ELEVATION_DEG, ObjectView
 from artiskill.sensors.render_config import RenderConfig
@@ -67,14 +66,14 @@ def check_picture(path: Path | str) -> bool:
         ConfigError: an unknown suffix, a folder, or one that cannot be written to.
         MissingExtraError: a format whose writer is not installed.
     """
-    path = Path(path)
+    path = output_path(path)
     suffix = path.suffix.lower()
     if suffix in MOVING_SUFFIXES:
         check_video(path)
         return True
     if suffix not in STILL_SUFFIXES:
         legal = ", ".join((*STILL_SUFFIXES, *MOVING_SUFFIXES))
-        raise ConfigError(f"a picture's name must end in {legal}, not {path.name!r}")
+        raise ConfigError(f"a picture's name must end in {legal}, not {shown(path.name)}")
     if path.is_dir():
         raise ConfigError(f"cannot write the picture {str(path)!r}: it is a folder")
     check_folder(path.parent)
@@ -182,20 +181,13 @@ def write_picture(path: Path | str, picture: np.ndarray) -> Path:
     Raises:
         ConfigError: it cannot be written.
     """
-    path = Path(path)
-    handle, name = -1, ""
+    path = output_path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix.lower(), dir=path.parent)
-        os.close(handle)
-        Image.fromarray(np.ascontiguousarray(picture)).save(name, optimize=True, quality=92)
-        Path(name).chmod(0o644)  # mkstemp's files are private
-        Path(name).replace(path)
+        with whole_file(path) as temporary:
+            Image.fromarray(np.ascontiguousarray(picture)).save(temporary, optimize=True, quality=92)
     except OSError as error:
         raise ConfigError(f"cannot write the picture {str(path)!r}: {error.strerror or error}") from error
-    finally:
-        if name:
-            Path(name).unlink(missing_ok=True)
     return path
 
 
@@ -209,7 +201,7 @@ def _write_frames(path: Path | str, frames: list[np.ndarray]) -> Path:
 def _one_object(given: str | ArticulatedObject, task: str) -> ArticulatedObject:
     found = resolve_objects(given, task=task)
     if len(found) != 1:
-        raise ConfigError(f"a picture shows one object, not {given!r}, which names {len(found)}")
+        raise ConfigError(f"a picture shows one object, not {shown(given)}, which names {len(found)}")
     return load_object(found[0]) if isinstance(found[0], str) else found[0]
 
 

@@ -12,7 +12,7 @@ from artiskill.assets.catalog import load_object, object_id_of, resolve_objects
 from artiskill.assets.identity import checked_hash
 from artiskill.envs.control import JOINT
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
-from artiskill.errors import ConfigError, PolicyError
+from artiskill.errors import ConfigError, PolicyError, shown
 from artiskill.evaluation.policies import POLICY_NAMES, Actor, load_policy, solution_path
 from artiskill.evaluation.time_limit import LOAD_TIMEOUT_S, check_limit, load_within
 from artiskill.jobs.parallel import run_jobs
@@ -198,7 +198,7 @@ def _mode(kind: str, asked: str | None, actor: PolicyFacts) -> str | None:
 
 def _levels(episodes: object, first_level: object) -> tuple[int, ...]:
     if isinstance(episodes, bool) or not isinstance(episodes, int) or episodes < 1:
-        raise ConfigError(f"episodes must be a whole number of at least 1, not {episodes!r}")
+        raise ConfigError(f"episodes must be a whole number of at least 1, not {shown(episodes)}")
     first = check_level(first_level)
     check_level(first + episodes - 1)
     return tuple(range(first, first + episodes))

@@ -1,5 +1,6 @@
 """Policies as evaluation sees them, and those that come with the package."""
 
+import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
@@ -180,6 +181,6 @@ def solution_path(policy: Any) -> Path | None:
     if not isinstance(policy, str | Path) or str(policy) in _ACTORS:
         return None
     path = Path(policy)
-    if path.suffix != ".py" and not path.exists():
+    if path.suffix != ".py" and not os.path.exists(path):
         raise UnknownNameError("policy", str(policy), POLICY_NAMES, "Also legal: the path of a file solution.py.")
     return path

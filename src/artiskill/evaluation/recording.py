@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.errors import ConfigError
+from artiskill.errors import ConfigError, shown
 from artiskill.evaluation.episodes import run_episode
 from artiskill.evaluation.evaluate import BatchJob, check_workers, run_batches
 from artiskill.evaluation.plan import Plan
 from artiskill.evaluation.report_files import check_folder
 from artiskill.evaluation.video import caption, write_video
+from artiskill.jobs.whole_files import output_path
 from artiskill.tasks.open_cabinet.goal import OpenGoal
 
 STEPS_PER_FRAME = 2
@@ -72,9 +73,9 @@ def check_video(path: Path | str, count: int = 1) -> None:
         ConfigError: an unknown suffix, a folder that cannot be written to, or an illegal count.
         MissingExtraError: a format whose writer is not installed.
     """
-    path = Path(path)
+    path = output_path(path)
     if isinstance(count, bool) or not isinstance(count, int) or count < 1:
-        raise ConfigError(f"the number of episodes in a video must be at least 1, not {count!r}")
+        raise ConfigError(f"the number of episodes in a video must be at least 1, not {shown(count)}")
     if path.is_dir():
         raise ConfigError(f"cannot write the video {str(path)!r}: it is a folder")
     check_folder(path.parent)

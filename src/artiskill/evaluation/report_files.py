@@ -13,6 +13,7 @@ from artiskill.config import dump_yaml
 from artiskill.errors import ConfigError
 from artiskill.evaluation.report import Report, Tally
 from artiskill.jobs.reservation import reserved
+from artiskill.jobs.whole_files import output_path
 
 REPORT_FILES = ("config.yaml", "episodes.csv", "report.csv", "report.md", "report.json")
 
@@ -84,6 +85,7 @@ def check_folder(folder: Path) -> None:
     Raises:
         ConfigError: it cannot; better said before an evaluation than after it.
     """
+    folder = output_path(folder)
     existing = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
     if not existing.is_dir():
         raise ConfigError(f"cannot write to {str(folder)!r}: {str(existing)!r} is not a folder")
@@ -99,7 +101,7 @@ def check_report_folder(folder: Path) -> None:
     """
     check_folder(folder)
     for file in REPORT_FILES:
-        if (folder / file).is_dir():
+        if output_path(folder / file).is_dir():
             raise ConfigError(f"cannot write the report: {str(folder / file)!r} is a folder")
 
 

@@ -18,7 +18,8 @@ import numpy as np
 
 from artiskill.envs.control import CONTROL_MODES, JOINT
 from artiskill.envs.modes import OBSERVATION_MODES
-from artiskill.errors import PolicyError, UnknownNameError
+from artiskill.errors import PolicyError, UnknownNameError, shown
+from artiskill.files import read_bytes
 
 LEGAL_FORMS = (
     "a solution has either a function policy(observation) -> action "
@@ -141,11 +142,11 @@ def read_solution(path: Path) -> Solution:
 
 def _import_file(path: Path) -> ModuleType:
     try:
-        source = path.read_bytes()
+        source = read_bytes(path)
     except FileNotFoundError as error:
         raise PolicyError(f"solution file {str(path)!r} does not exist") from error
     except OSError as error:
-        raise PolicyError(f"solution file {str(path)!r} cannot be read: {error.strerror}") from error
+        raise PolicyError(f"solution file {shown(str(path))} cannot be read: {error.strerror}") from error
     folder = str(path.resolve().parent)
     if folder not in sys.path:
         sys.path.insert(0, folder)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.errors import ConfigError
+from artiskill.errors import ConfigError, shown
 from artiskill.evaluation.policies import Actor, load_policy
 from artiskill.jobs.workers import IDLE, Busy
 
@@ -75,4 +75,4 @@ def check_limit(limit_s: object, what: str = "per step") -> None:
     """Raise `ConfigError` unless it is a positive, finite number of seconds."""
     is_number = isinstance(limit_s, int | float) and not isinstance(limit_s, bool)
     if not is_number or not 0 < limit_s < math.inf:  # type: ignore[operator]
-        raise ConfigError(f"the time limit {what} must be a positive number of seconds, not {limit_s!r}")
+        raise ConfigError(f"the time limit {what} must be a positive number of seconds, not {shown(limit_s)}")

@@ -1,8 +1,6 @@
 """Frames to moving pictures (GIF, WebP, MP4), with captions."""
 
 import math
-import os
-import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -10,7 +8,8 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 from scipy.spatial import cKDTree
 
-from artiskill.errors import ConfigError, MissingExtraError
+from artiskill.errors import ConfigError, MissingExtraError, shown
+from artiskill.jobs.whole_files import output_path, whole_file
 
 # one colour stays free for GIF's "as in the frame before"
 _GIF_COLOURS = 255
@@ -41,7 +40,7 @@ def write_video(path: Path | str, frames: Sequence[np.ndarray], frames_per_secon
         ConfigError: another suffix, no frames, frames of the wrong shape or type, or an impossible rate.
         MissingExtraError: MP4 without the extra `video`.
     """
-    path = Path(path)
+    path = output_path(path)
     writers: dict[str, Callable[[Path, np.ndarray, float], None]] = {
         ".gif": _write_gif,
         ".webp": _write_webp,
@@ -49,21 +48,16 @@ def write_video(path: Path | str, frames: Sequence[np.ndarray], frames_per_secon
     }
     suffix = path.suffix.lower()
     if suffix not in writers:
-        raise ConfigError(f"a video's name must end in {', '.join(writers)}, not {path.name!r}")
+        raise ConfigError(f"a video's name must end in {', '.join(writers)}, not {shown(path.name)}")
     most = 50.0 if suffix == ".gif" else 1000.0
     if not 0 < frames_per_second <= most:
-        raise ConfigError(f"frames_per_second must lie in (0, {most:g}] for {suffix}, not {frames_per_second!r}")
+        raise ConfigError(
+            f"frames_per_second must lie in (0, {most:g}] for {suffix}, not {shown(frames_per_second)}"
+        )
     stacked = _checked(frames)
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=suffix, dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
-    try:
+    with whole_file(path) as temporary:
         writers[suffix](temporary, stacked, float(frames_per_second))
-        temporary.chmod(0o644)  # mkstemp's files are private
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
     return path
 
 

@@ -97,7 +97,7 @@ class Planner:
         num_threads: int = 1,
     ) -> None:
         self._task, self._scale, self._config, self._rng = task, scale, config, rng
-        self._simulation = Simulation(scene, config.samples, num_threads)
+        self._simulation = Simulation(scene, config.samples, min(num_threads, config.samples))
         self._goal = stack_goals([goal] * config.samples)
         self._size = scale.center.size
         self._mean = np.zeros((config.horizon_steps, self._size))

@@ -8,7 +8,7 @@ import numpy as np
 
 from artiskill.envs.control import JOINT
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.errors import ConfigError
+from artiskill.errors import ConfigError, shown
 from artiskill.experts.mpc import MpcConfig, Planner
 from artiskill.tasks.levels import Stream, level_generator
 
@@ -58,7 +58,7 @@ def solve_level(
         ConfigError: another control mode, or a level that is no integer in range.
     """
     if env.control.mode != JOINT:
-        raise ConfigError(f"planning needs control_mode={JOINT!r}, not {env.control.mode!r}")
+        raise ConfigError(f"planning needs control_mode={JOINT!r}, not {shown(env.control.mode)}")
     start = time.perf_counter()
     _, info = env.reset(options={"level": level})
     rng = level_generator(level, Stream.PLANNING)

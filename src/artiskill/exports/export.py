@@ -6,11 +6,12 @@ from pathlib import Path
 from artiskill import __version__
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object, object_id_of
-from artiskill.errors import UnknownNameError
+from artiskill.errors import check_name
 from artiskill.exports.folders import check_replaceable, replace_folder
 from artiskill.exports.glb import write_glb
 from artiskill.exports.mjcf import write_mjcf
 from artiskill.exports.urdf import write_urdf
+from artiskill.jobs.whole_files import output_path
 
 _WRITERS: dict[str, Callable[[ArticulatedObject, Path], Path]] = {
     "mjcf": write_mjcf,
@@ -54,7 +55,7 @@ def export_object(
         "content_hash": obj.content_hash,
         "source": str(obj.metadata.get("source", "unknown")),
     }
-    return replace_folder(Path(folder), lambda new: _WRITERS[name](obj, new), marker, force)
+    return replace_folder(output_path(folder), lambda new: _WRITERS[name](obj, new), marker, force)
 
 
 def export_objects(
@@ -77,7 +78,7 @@ def export_objects(
     Raises:
         UnknownNameError, ConfigError, MissingExtraError: as `export_object`; of all folders before any is written.
     """
-    name, above, items = format_named(format), Path(folder), tuple(objects)
+    name, above, items = format_named(format), output_path(folder), tuple(objects)
     for item in items:
         object_id = object_id_of(item)
         check_replaceable(above / object_id, object_id, force)
@@ -92,7 +93,5 @@ def format_named(given: str) -> str:
     Raises:
         UnknownNameError: none.
     """
-    name = _OTHER_NAMES.get(given, given)
-    if name not in _WRITERS:
-        raise UnknownNameError("format", given, (*FORMATS, *_OTHER_NAMES))
-    return name
+    check_name("format", given, (*FORMATS, *_OTHER_NAMES))
+    return _OTHER_NAMES.get(given, given)

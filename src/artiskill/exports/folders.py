@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from artiskill.errors import ConfigError
+from artiskill.jobs.whole_files import output_path
 
 MARKER = "artiskill.json"  # stands in every folder that an export made
 _MARKER_BYTES = 65536  # more than any export writes: a longer file is someone else's
@@ -28,6 +29,7 @@ def replace_folder(folder: Path, fill: Callable[[Path], Path], marker: dict[str,
     Raises:
         ConfigError: something else stands there, or the place cannot be written to.
     """
+    folder = output_path(folder)
     check_replaceable(folder, marker["object"], force)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)

@@ -20,6 +20,7 @@ from artiskill.gallery.frames import draw_frames, frames_name, write_frames
 from artiskill.gallery.page import PICTURES, write_page
 from artiskill.gallery.sheets import write_sheets
 from artiskill.jobs.parallel import run_jobs
+from artiskill.jobs.whole_files import output_path, whole_file
 
 MARKER = "gallery.json"  # stands in every folder that a gallery was begun in
 SHEETS = "sheets"
@@ -94,6 +95,7 @@ def _draw(job: _Job, tell: Callable[[Any], None]) -> tuple[ObjectFacts, str]:
 
 def _claim(folder: Path, force: bool) -> None:
     """Make the folder and mark it as a gallery's."""
+    folder = output_path(folder)
     if folder.exists() and not folder.is_dir():
         raise ConfigError(f"cannot write a gallery to {str(folder)!r}: it is not a folder")
     found = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
@@ -105,7 +107,8 @@ def _claim(folder: Path, force: bool) -> None:
     try:
         for name in (PICTURES, SHEETS):
             (folder / name).mkdir(parents=True, exist_ok=True)
-        (folder / MARKER).write_text(json.dumps({"made_by": f"ArtiSkill {__version__}"}) + "\n", encoding="utf-8")
+        with whole_file(folder / MARKER) as temporary:
+            temporary.write_text(json.dumps({"made_by": f"ArtiSkill {__version__}"}) + "\n", encoding="utf-8")
     except OSError as error:
         raise _cannot_write(folder, error) from error
 

@@ -4,7 +4,7 @@ import importlib.util
 import socket
 from dataclasses import dataclass
 
-from artiskill.errors import ClusterError, ConfigError, MissingExtraError, UnknownNameError
+from artiskill.errors import ClusterError, ConfigError, MissingExtraError, UnknownNameError, shown
 
 LOCAL, RUNNING = "local", "auto"
 _LEGAL = (LOCAL, RUNNING, "HOST:PORT")
@@ -42,13 +42,13 @@ class RayCluster:
             raise UnknownNameError("address of a Ray cluster", self.address, _LEGAL)
         most = self.most_jobs
         if most is not None and (isinstance(most, bool) or not isinstance(most, int) or most < 1):
-            raise ConfigError(f"workers must be a whole number of at least 1, not {most!r}")
+            raise ConfigError(f"workers must be a whole number of at least 1, not {shown(most)}")
 
     @property
     def host_and_port(self) -> tuple[str, int] | None:
         """The parts of an address of that form."""
         host, _, port = self.address.rpartition(":")
-        is_port = port.isascii() and port.isdecimal() and 0 < int(port) <= _MOST_PORT
+        is_port = port.isascii() and port.isdecimal() and len(port) <= 5 and 0 < int(port) <= _MOST_PORT
         return (host.strip("[]"), int(port)) if host and is_port else None
 
     def check(self) -> None:

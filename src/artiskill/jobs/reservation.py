@@ -8,6 +8,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from artiskill.errors import ConfigError
+from artiskill.jobs.whole_files import output_path
 
 LOCK_FILE = ".artiskill.lock"
 _TRIES = 100
@@ -28,6 +29,7 @@ def reserved(folder: Path, what: str = "evaluation") -> Iterator[None]:
     Raises:
         ConfigError: another process is at it, or the folder cannot be made.
     """
+    folder = output_path(folder)
     made = [path for path in (folder, *folder.parents) if not path.exists()]  # deepest first
     try:
         handle = _lock(folder, what)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from artiskill.errors import ActionError
+from artiskill.errors import ActionError, shown
 from artiskill.geometry.arrays import clamp
 from artiskill.robots.arm_config import load_arm
 from artiskill.robots.config import RobotConfig
@@ -80,8 +80,8 @@ def _real_numbers(given: Any, rule: str) -> np.ndarray:
     try:
         is_complex = np.iscomplexobj(given)  # NumPy would drop the imaginary parts with no more than a warning
         array = np.zeros(0) if is_complex else np.asarray(given, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ActionError(f"{rule}, not {given!r}") from error
+    except Exception as error:  # what a foreign type raises when it is no array cannot be listed
+        raise ActionError(f"{rule}, not {shown(given)}") from error
     if is_complex:
         raise ActionError(f"{rule}, not complex ones")
     return array

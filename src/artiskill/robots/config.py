@@ -16,7 +16,8 @@ from artiskill.config import (
     load_yaml,
     merge_overrides,
 )
-from artiskill.errors import ConfigError, UnknownNameError
+from artiskill.errors import ConfigError, UnknownNameError, shown
+from artiskill.files import check_path
 from artiskill.robots.arm_config import BodyConfig, ShapeConfig, load_arm, robot_file
 
 LIKE = "like"  # the key that names the robot whose values are taken where a mapping says nothing else
@@ -217,14 +218,20 @@ def _resolved(given: Any, folder: Path, seen: tuple[Path, ...]) -> dict[str, Any
         own = {key: value for key, value in given.items() if key != LIKE}
         return merge_overrides(_resolved(given[LIKE], folder, seen), own) if LIKE in given else own
     if not isinstance(given, str | Path):
-        raise ConfigError(f"a robot is a name, the path of a YAML file, or a mapping of values, not {given!r}")
+        raise ConfigError(
+            f"a robot is a name, the path of a YAML file, or a mapping of values, not {shown(given)}"
+        )
     if Path(given).suffix not in (".yaml", ".yml"):
         return load_yaml(robot_file("robot", str(given), has_key="mounts"))
-    path = (folder / Path(given).expanduser()).resolve()
+    try:
+        path = (folder / check_path(given).expanduser()).resolve()
+    except (OSError, RuntimeError) as error:  # the latter of links in a circle, and of ~nobody
+        said = getattr(error, "strerror", None) or error
+        raise ConfigError(f"cannot read the robot {shown(str(given))}: {said}") from error
     if path in seen:
         raise ConfigError(f"robot {str(given)!r} is like itself: {' -> '.join(p.name for p in (*seen, path))}")
     return _resolved(load_yaml(path), path.parent, (*seen, path))
 
 
 def _title(given: object) -> str:
-    return repr(str(given)) if isinstance(given, str | Path) else "config"
+    return shown(str(given)) if isinstance(given, str | Path) else "config"

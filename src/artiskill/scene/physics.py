@@ -6,6 +6,7 @@ from typing import Literal
 
 from artiskill.config import check_not_negative, check_positive, check_value
 
+_MOST = 10_000  # of any loop in a step: more would look like a hang
 _ITERATIONS = ("solver_iterations", "line_search_iterations")
 
 
@@ -85,8 +86,9 @@ class PhysicsConfig:
         check_value(self, "timestep_s", 0 < self.timestep_s <= 0.01, "must lie in (0, 0.01]")
         check_value(self, "gravity_m_s2", math.isfinite(self.gravity_m_s2), "must be finite")
         for name in ("physics_steps_per_control", "control_steps_per_step", *_ITERATIONS):
-            check_value(self, name, getattr(self, name) >= 1, "must be at least 1")
-        check_value(self, "noslip_iterations", self.noslip_iterations >= 0, "must be at least 0")
+            check_value(self, name, 1 <= getattr(self, name) <= _MOST, f"must be at least 1, at most {_MOST}")
+        legal = 0 <= self.noslip_iterations <= _MOST
+        check_value(self, "noslip_iterations", legal, f"must be at least 0, at most {_MOST}")
         for name in ("solver_tolerance", "line_search_tolerance"):
             check_value(self, name, 0 <= getattr(self, name) < 1, "must lie in [0, 1)")
 

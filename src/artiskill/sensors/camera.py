@@ -7,9 +7,12 @@ from typing import Any
 import numpy as np
 
 from artiskill.config import check
+from artiskill.errors import shown
 
 # sides below this (relative to unit vectors) count as parallel: the view direction and `up` then fix no roll
 _PARALLEL = 1e-6
+_FARTHEST_M = 1e9  # between a camera and what it looks at: squares stay finite
+MOST_PIXELS = 4096**2  # of a picture: drawing takes some 100 bytes for each, antialiasing more
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +54,10 @@ class Camera:
         check(_is_rotation(rotation), f"camera rotation must be a rotation matrix, not {rotation.tolist()}")
         for side, pixels in (("width", self.width), ("height", self.height)):
             legal = isinstance(pixels, int | np.integer) and not isinstance(pixels, bool) and pixels >= 1
-            check(legal, f"camera {side} must be a whole number of pixels, at least 1, not {pixels!r}")
-        check(0 < self.fov_rad < math.pi, f"camera fov_rad must lie in (0, pi), not {self.fov_rad!r}")
+            check(legal, f"camera {side} must be a whole number of pixels, at least 1, not {shown(pixels)}")
+        pixels = int(self.width) * int(self.height)
+        check(pixels <= MOST_PIXELS, f"a picture has at most {MOST_PIXELS} pixels, not {shown(pixels)}")
+        check(0 < self.fov_rad < math.pi, f"camera fov_rad must lie in (0, pi), not {shown(self.fov_rad)}")
         check(
             0 < self.near_m < self.far_m < math.inf,
             f"camera must have 0 < near_m < far_m, not near_m={self.near_m!r}, far_m={self.far_m!r}",
@@ -75,8 +80,12 @@ class Camera:
         eye, target = np.asarray(eye, dtype=np.float64), np.asarray(target, dtype=np.float64)
         backward = eye - target
         check(
-            backward.shape == (3,) and _length(backward) > 0,
+            backward.shape == (3,) and bool((backward != 0).any()),
             f"look_at needs two different points, not {eye.tolist()} and {target.tolist()}",
+        )
+        check(
+            bool((np.abs(backward) <= _FARTHEST_M).all()),
+            f"look_at needs two points at most {_FARTHEST_M:g} m apart, not {eye.tolist()} and {target.tolist()}",
         )
         backward = backward / _length(backward)
         for direction in (np.asarray(up, dtype=np.float64), np.eye(3)[0], np.eye(3)[2]):

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from artiskill.config import check, from_mapping
-from artiskill.errors import UnknownNameError
+from artiskill.errors import check_name, shown
 from artiskill.sensors.point_cloud import classify_points
 from artiskill.sensors.point_selection import (
     choose_by_mask,
@@ -160,9 +160,8 @@ def make_sampler(method: str, num_points: int, settings: Mapping[str, Any] | Non
         UnknownNameError: no such method.
         ConfigError: an unknown or illegal setting.
     """
-    if method not in SAMPLERS:
-        raise UnknownNameError("sampling method", method, SAMPLERS)
-    check(isinstance(num_points, int | np.integer), f"num_points must be an integer, not {num_points!r}")
+    check_name("sampling method", method, SAMPLERS)
+    check(isinstance(num_points, int | np.integer), f"num_points must be an integer, not {shown(num_points)}")
     values: dict[str, Any] = {"num_points": int(num_points), **(settings or {})}
     if method == "maniskill":
         masked = values.setdefault("masked_points", values["num_points"] * 800 // 1200)

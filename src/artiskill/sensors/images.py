@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from artiskill.errors import StateError, UnknownNameError
+from artiskill.errors import StateError, UnknownNameError, check_name
 from artiskill.sensors.resolve import Channels
 
 CHANNELS = ("rgb", "depth", "position_w", "geom", "body", "part")
@@ -70,8 +70,7 @@ class Images:
 def check_channels(channels: Sequence[str]) -> None:
     """Raise `UnknownNameError` for the first that is none of `CHANNELS`."""
     for channel in channels:
-        if channel not in CHANNELS:
-            raise UnknownNameError("image channel", channel, CHANNELS)
+        check_name("image channel", channel, CHANNELS)
 
 
 def allocate_images(channels: Sequence[str], shape: tuple[int, ...], out: Images | None) -> Images:

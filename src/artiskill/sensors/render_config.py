@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from artiskill.config import CONFIG_DIR, check, check_vector, from_mapping, load_yaml, merge_overrides
+from artiskill.config import CONFIG_DIR, check, check_vector, from_layers, load_yaml, merge_overrides
+from artiskill.errors import shown
 
 QUALITIES = ("picture", "fast")
 _FILE = CONFIG_DIR / "render.yaml"
@@ -207,7 +208,9 @@ class RenderConfig:
     background: BackgroundConfig
 
     def __post_init__(self) -> None:
-        check(self.quality in QUALITIES, f"quality must be one of {', '.join(QUALITIES)}, not {self.quality!r}")
+        check(
+            self.quality in QUALITIES, f"quality must be one of {', '.join(QUALITIES)}, not {shown(self.quality)}"
+        )
         check(
             0 <= self.crease_angle_deg <= 180,
             f"crease_angle_deg must lie in [0, 180], not {self.crease_angle_deg}",
@@ -223,7 +226,7 @@ def load_render_config(quality: str = "picture", overrides: Mapping[str, Any] | 
     Raises:
         ConfigError: an unknown key, an illegal value, or no such quality.
     """
-    return from_mapping(RenderConfig, render_mapping(quality, overrides), source=_FILE.name)
+    return from_layers(RenderConfig, lambda given: render_mapping(quality, given), overrides, _FILE.name)
 
 
 def render_mapping(quality: str, overrides: Any = None) -> Any:

@@ -6,7 +6,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from artiskill.errors import ConfigError
+from artiskill.errors import ConfigError, shown
 
 MAX_LEVEL = 2**31 - 1
 
@@ -47,5 +47,5 @@ def check_level(level: object) -> int:
         ConfigError: not an integer in [0, 2**31 - 1].
     """
     if isinstance(level, bool) or not isinstance(level, int | np.integer) or not 0 <= int(level) <= MAX_LEVEL:
-        raise ConfigError(f"a level is an integer from 0 to {MAX_LEVEL}, not {level!r}")
+        raise ConfigError(f"a level is an integer from 0 to {MAX_LEVEL}, not {shown(level)}")
     return int(level)

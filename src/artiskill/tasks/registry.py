@@ -5,7 +5,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from artiskill.config import CONFIG_DIR
-from artiskill.errors import ConfigError, UnknownNameError
+from artiskill.errors import ConfigError, check_name, shown
 
 if TYPE_CHECKING:  # importing it would bring the engine in
     from artiskill.tasks.task import Task
@@ -39,10 +39,9 @@ def make_task(name: str, overrides: Mapping[str, Any] | None = None) -> "Task":
         UnknownNameError: there is no such task or robot.
         ConfigError: an override is unknown or illegal.
     """
-    if name not in _TASKS:
-        raise UnknownNameError("task", name, _TASKS)
+    check_name("task", name, _TASKS)
     if overrides is not None and not isinstance(overrides, Mapping):
-        raise ConfigError(f"config must be a mapping of keys to values, not {overrides!r}")
+        raise ConfigError(f"config must be a mapping of keys to values, not {shown(overrides)}")
     for key in _FIXED & set(overrides or {}):
         raise ConfigError(
             f"{key!r} is what makes {name} this task and cannot be changed; make another task instead"

@@ -5,13 +5,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from artiskill.config import check, from_mapping, load_yaml, merge_overrides
+from artiskill.config import check, from_layers, load_yaml, merge_overrides
 from artiskill.robots.config import LIKE, RobotConfig, robot_mapping
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.sensors.framing import WorldCameraConfig
 from artiskill.sensors.panorama import CamerasConfig
 from artiskill.sensors.render_config import RenderConfig, render_mapping
 
+_MOST_STEPS, _MOST_JOINTS = 1_000_000, 1000  # half a day of an episode; columns of the state vector
 OBSERVED_QUALITY = "fast"  # of the cameras on the robot, unless the configuration says otherwise
 
 
@@ -40,12 +41,27 @@ class TaskConfig:
     render: RenderConfig
 
     def __post_init__(self) -> None:
-        check(self.episode_steps >= 1, f"episode_steps must be at least 1, not {self.episode_steps}")
-        check(self.max_object_joints >= 1, f"max_object_joints must be at least 1, not {self.max_object_joints}")
+        check(
+            1 <= self.episode_steps <= _MOST_STEPS,
+            f"episode_steps must lie in [1, {_MOST_STEPS}], not {self.episode_steps}",
+        )
+        check(
+            1 <= self.max_object_joints <= _MOST_JOINTS,
+            f"max_object_joints must lie in [1, {_MOST_JOINTS}], not {self.max_object_joints}",
+        )
 
     def steps_of(self, duration_s: float) -> int:
-        """How many environment steps a duration is, at least one."""
-        return max(1, round(duration_s / self.physics.step_s))
+        """How many environment steps a duration is, at least one.
+
+        Raises:
+            ConfigError: it is more than an episode could have.
+        """
+        steps = duration_s / self.physics.step_s
+        check(
+            steps <= _MOST_STEPS,
+            f"{duration_s:g} s are more than {_MOST_STEPS} steps of {self.physics.step_s:g} s",
+        )
+        return max(1, round(steps))
 
 
 Config = TypeVar("Config", bound=TaskConfig)
@@ -63,11 +79,16 @@ def load_task_config(cls: type[Config], path: Path, overrides: Mapping[str, Any]
         UnknownNameError: there is no such robot.
         ConfigError: the file cannot be read, or a value is missing, unknown or illegal.
     """
-    values = merge_overrides(_with_robot_mapping(load_yaml(path)), _with_robot_mapping(overrides or {}))
-    if "robot" in values:
-        values["robot"] = robot_mapping(values["robot"])
-    values["render"] = render_mapping(OBSERVED_QUALITY, values.get("render"))
-    return from_mapping(cls, values, source=path.name)
+    own = _with_robot_mapping(load_yaml(path))
+
+    def merge(given: Mapping[str, Any]) -> dict[str, Any]:
+        values = merge_overrides(own, _with_robot_mapping(given))
+        if "robot" in values:
+            values["robot"] = robot_mapping(values["robot"])
+        values["render"] = render_mapping(OBSERVED_QUALITY, values.get("render"))
+        return values
+
+    return from_layers(cls, merge, overrides, path.name)
 
 
 def _with_robot_mapping(values: Mapping[str, Any]) -> dict[str, Any]:

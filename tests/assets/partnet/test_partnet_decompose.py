@@ -122,6 +122,41 @@ def test_damaged_cache_is_computed_anew(tmp_path, damage):
         assert len(file.read_bytes()) == len(whole)
 
 
+def test_changed_cache_is_noticed_and_computed_anew(tmp_path, caplog):
+    """Whole files, as numpy sees it: one value, one name or one array is another."""
+    parts = [DecompositionPart((box((0.2, 0.1, 0.01)),), BODY)]
+    first = decompose_cached(parts, tmp_path)
+    assert not caplog.messages
+    (file,) = (tmp_path / "partnet").iterdir()
+    whole = file.read_bytes()
+    with np.load(file) as data:
+        arrays = dict(data)
+    other_entry = tmp_path / "partnet" / f"{'0' * 32}.npz"
+    file.rename(other_entry)
+    decompose_cached([DecompositionPart((box((0.1, 0.1, 0.3)),), BODY)], tmp_path)
+    (other,) = set((tmp_path / "partnet").iterdir()) - {other_entry}
+    changes = [
+        arrays | {"points": arrays["points"] + 1e-9},
+        arrays | {"points": arrays["points"] * np.nan},
+        arrays | {"points": np.zeros((10**7, 3))},
+        arrays | {"sizes": -arrays["sizes"]},
+        arrays | {"counts": arrays["counts"].astype(float)},
+        {name: value for name, value in arrays.items() if name != "digest"},
+        arrays | {"points": np.array([None], dtype=object)},
+    ]
+    for change in changes:
+        np.savez_compressed(file, **change)
+        caplog.clear()
+        np.testing.assert_array_equal(decompose_cached(parts, tmp_path)[0][0], first[0][0])
+        assert ["is made anew" in message for message in caplog.messages] == [True]
+        assert file.read_bytes() == whole
+    file.write_bytes(other.read_bytes())
+    np.testing.assert_array_equal(decompose_cached(parts, tmp_path)[0][0], first[0][0])
+    for place in range(0, len(whole), 97):  # any byte
+        file.write_bytes(whole[:place] + bytes([whole[place] ^ 0x55]) + whole[place + 1 :])
+        np.testing.assert_array_equal(decompose_cached(parts, tmp_path)[0][0], first[0][0])
+
+
 def test_unwritable_cache_only_costs_time(tmp_path):
     blocked = tmp_path / "file"
     blocked.write_text("in the way")

@@ -8,6 +8,7 @@ from typing import get_args
 from artiskill.assets.buckets.spec import BailKind, EarKind, FootKind, GripKind, LipKind, ProfileKind, SectionKind
 from artiskill.assets.ranges import Range, check_ranges, check_weights
 from artiskill.config import CONFIG_DIR, check, load_config
+from artiskill.errors import shown
 
 GENERATOR_YAML: Path = CONFIG_DIR / "catalog" / "bucket_generator.yaml"
 
@@ -81,7 +82,7 @@ class FamilyConfig:
 
     def __post_init__(self) -> None:
         where = f"family {self.name!r}"
-        check(self.weight >= 0, f"{where}: weight must be at least 0, not {self.weight!r}")
+        check(self.weight >= 0, f"{where}: weight must be at least 0, not {shown(self.weight)}")
         check_ranges(self, where)
         for field, legal in CHOICES.items():
             check_weights(getattr(self, field), legal, f"{where}: {field}")
@@ -117,9 +118,9 @@ class BailConfig:
 
     def __post_init__(self) -> None:
         check_ranges(self, "bail")
-        text = f"bail: least_limit_deg must lie in (0, {self.limit_deg[0]:g}], not {self.least_limit_deg!r}"
+        text = f"bail: least_limit_deg must lie in (0, {self.limit_deg[0]:g}], not {shown(self.least_limit_deg)}"
         check(0 < self.least_limit_deg <= self.limit_deg[0], text)
-        check(self.gap_m > 0, f"bail: gap_m must be above 0, not {self.gap_m!r}")
+        check(self.gap_m > 0, f"bail: gap_m must be above 0, not {shown(self.gap_m)}")
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from pathlib import Path
 from artiskill.assets.finishes import PAINTS
 from artiskill.assets.ranges import Range, check_ranges, check_weights
 from artiskill.config import CONFIG_DIR, check, check_positive, load_config
+from artiskill.errors import shown
 
 GENERATOR_YAML: Path = CONFIG_DIR / "catalog" / "cabinet_generator.yaml"
 
@@ -63,7 +64,7 @@ class FamilyConfig:
 
     def __post_init__(self) -> None:
         where = f"family {self.name!r}"
-        check(self.weight >= 0, f"{where}: weight must be at least 0, not {self.weight!r}")
+        check(self.weight >= 0, f"{where}: weight must be at least 0, not {shown(self.weight)}")
         check_ranges(self, where)
         for name, legal in (("supports", SUPPORTS), ("layouts", LAYOUTS), ("faces", FACES), ("handles", HANDLES)):
             check_weights(getattr(self, name), legal, f"{where}: {name}")

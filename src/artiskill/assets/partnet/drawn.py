@@ -9,9 +9,9 @@ import numpy as np
 from artiskill.assets.articulated_object import Material, VisualMesh
 from artiskill.assets.partnet.bodies import Body, PlacedMesh, transform
 from artiskill.assets.partnet.mtl import ObjMaterial, load_material
-from artiskill.assets.partnet.obj import ObjPart, read_obj
+from artiskill.assets.partnet.obj import MOST_FACES, ObjPart, read_obj
 from artiskill.assets.partnet.semantics import PartLabel, PartNames
-from artiskill.errors import AssetError
+from artiskill.errors import AssetError, shown
 from artiskill.geometry.meshes import TriMesh, merge
 
 
@@ -57,10 +57,13 @@ def read_drawn(bodies: tuple[Body, ...], folder: Path, names: PartNames) -> list
     Raises:
         AssetError: a mesh file is missing, empty, does not parse, or lies outside the folder.
     """
-    drawn = []
+    drawn, faces = [], 0
     for body in bodies:
         where = f"{folder.name}: link {body.name!r}"
         drawn.append([_read_placed(placed, folder, names, where) for placed in body.meshes])
+        faces += sum(len(section.mesh.faces) for mesh in drawn[-1] for section in mesh.sections)
+        if faces > MOST_FACES:
+            raise AssetError(f"{folder.name} has more than the {MOST_FACES} triangles that are legal")
     return drawn
 
 
@@ -101,10 +104,10 @@ def visual_meshes(
 def _read_placed(placed: PlacedMesh, folder: Path, names: PartNames, where: str) -> DrawnMesh:
     file = PurePosixPath(placed.mesh.file.replace("\\", "/"))
     if file.is_absolute() or ".." in file.parts or ":" in file.parts[0]:
-        raise AssetError(f"{where}: mesh file {placed.mesh.file!r} must be a path inside the object's folder")
+        raise AssetError(f"{where}: mesh file {shown(placed.mesh.file)} must be a path inside the object's folder")
     if file.suffix.lower() != ".obj":
         raise AssetError(
-            f"{where}: mesh file {placed.mesh.file!r} has the unknown format {file.suffix!r}; legal: .obj"
+            f"{where}: mesh file {shown(placed.mesh.file)} has the unknown format {file.suffix!r}; legal: .obj"
         )
     sections = tuple(
         ObjPart(section.material, section.mesh.scaled(placed.mesh.scale))

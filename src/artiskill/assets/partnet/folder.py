@@ -3,16 +3,19 @@
 import os
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
-from artiskill.errors import AssetError, UnknownNameError
+from artiskill.errors import AssetError, UnknownNameError, shown
+from artiskill.files import is_file, is_folder
 
 DATASET_VARIABLE = "PARTNET_MOBILITY_DATASET"
 URDF_NAME = "mobility.urdf"
 # Objects of the data set have a few MB; a zip beyond this is no object, or a trap.
-_MOST_ZIP_BYTES = 2 * 1024**3
+_MOST_ZIP_BYTES = 512 * 1024**2
+_MOST_ZIP_FILES = 20_000
 
 
 def find_partnet_folder(
@@ -32,11 +35,11 @@ def find_partnet_folder(
     given = dataset_dir if dataset_dir is not None else os.environ.get(DATASET_VARIABLE)
     if not given:
         raise AssetError(
-            f"PartNet-Mobility object {id!r}: no data set folder given; pass dataset_dir or set the environment "
-            f"variable {DATASET_VARIABLE} to the folder that holds {id}/ or {id}.zip"
+            f"PartNet-Mobility object {shown(id)}: no data set folder given; pass dataset_dir or set the "
+            f"environment variable {DATASET_VARIABLE} to the folder that holds its folder or zip"
         )
     dataset = Path(given).expanduser()
-    if not dataset.is_dir():
+    if not is_folder(dataset):
         source = "dataset_dir" if dataset_dir is not None else DATASET_VARIABLE
         raise AssetError(f"PartNet-Mobility data set folder {str(dataset)!r} (from {source}) does not exist")
     names = {entry.name: entry for entry in dataset.iterdir() if entry.is_dir() or entry.suffix == ".zip"}
@@ -54,17 +57,25 @@ def open_object(path: Path) -> Iterator[tuple[Path, str]]:
     Raises:
         AssetError: the path does not exist, is neither folder nor zip, or the zip holds no or several objects.
     """
-    if path.is_dir():
+    if is_folder(path):
         yield path, path.resolve().name
         return
-    if not path.exists():
-        raise AssetError(f"PartNet folder {str(path)!r} does not exist; legal: an object's folder or a zip of one")
-    if not zipfile.is_zipfile(path):
+    if not os.path.exists(path):
+        raise AssetError(
+            f"PartNet folder {shown(str(path))} does not exist; legal: an object's folder or a zip of one"
+        )
+    if not is_file(path) or not zipfile.is_zipfile(path):
         raise AssetError(f"{str(path)!r} is neither a folder nor a zip; legal: an object's folder or a zip of one")
-    with zipfile.ZipFile(path) as archive, tempfile.TemporaryDirectory(prefix="artiskill-partnet-") as temporary:
-        prefix = _object_prefix(archive, path)
+    with tempfile.TemporaryDirectory(prefix="artiskill-partnet-") as temporary:
         target = Path(temporary) / path.stem
-        _extract(archive, prefix, target, path)
+        try:
+            with zipfile.ZipFile(path) as archive:
+                prefix = _object_prefix(archive, path)
+                _extract(archive, prefix, target, path)
+        except (OSError, ValueError, RuntimeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+            if isinstance(error, AssetError):
+                raise
+            raise AssetError(f"zip {str(path)!r} cannot be read: {error}") from error
         yield target, prefix.name or path.stem
 
 
@@ -89,8 +100,9 @@ def _object_prefix(archive: zipfile.ZipFile, path: Path) -> PurePosixPath:
 def _extract(archive: zipfile.ZipFile, prefix: PurePosixPath, target: Path, path: Path) -> None:
     target.mkdir()
     members = [info for info in archive.infolist() if not info.is_dir()]
-    if sum(info.file_size for info in members) > _MOST_ZIP_BYTES:
-        raise AssetError(f"zip {str(path)!r} unpacks to more than {_MOST_ZIP_BYTES / 1e9:.0f} GB: not one object")
+    if len(members) > _MOST_ZIP_FILES or sum(info.file_size for info in members) > _MOST_ZIP_BYTES:
+        legal = f"{_MOST_ZIP_BYTES / 1e6:.0f} MB or {_MOST_ZIP_FILES} files"
+        raise AssetError(f"zip {str(path)!r} unpacks to more than {legal}: not one object")
     for info in members:
         name = PurePosixPath(info.filename)
         if not name.is_relative_to(prefix):

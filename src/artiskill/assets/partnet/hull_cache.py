@@ -5,10 +5,10 @@ entry and an old one is never wrong. Deleting the folder costs time only.
 """
 
 import hashlib
+import logging
 import os
-import tempfile
-import zipfile
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,11 @@ from artiskill.assets.partnet import decompose as algorithm
 from artiskill.assets.partnet.decompose import DecompositionPart
 from artiskill.assets.partnet.joining import join_hulls
 from artiskill.assets.partnet.meshes import limit_vertices
+from artiskill.files import check_archive, open_regular
+from artiskill.jobs.whole_files import whole_file
 
+_LOGGER = logging.getLogger("artiskill.assets")
+_MOST_BYTES = 100_000_000  # the largest entry has 100 kB
 _VERSION = 5  # of the algorithm: a new number makes old cache files void
 
 
@@ -63,35 +67,39 @@ def decompose_cached(
 
 
 def _load(path: Path, count: int) -> list[list[np.ndarray]] | None:
-    """What `_save` wrote, or None where there is no such file or it is damaged."""
+    """What `_save` wrote under this name, or None where there is no such file, or another one: that is logged."""
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
-            points, sizes, counts = data["points"], data["sizes"], data["counts"]
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        with open_regular(path) as file:
+            check_archive(file, _MOST_BYTES)
+            with np.load(file, allow_pickle=False) as data:
+                points, sizes, counts, digest = (data[name] for name in ("points", "sizes", "counts", "digest"))
+        if digest.tobytes() != _digest(path, points, sizes, counts) or len(counts) != count:
+            raise ValueError("it was changed since it was written")
+        hulls = iter(np.split(points, np.cumsum(sizes)[:-1]))
+        return [[next(hulls) for _ in range(number)] for number in counts]
+    except FileNotFoundError:
         return None
-    if len(counts) != count or counts.sum() != len(sizes) or points.shape != (sizes.sum(), 3):
+    except Exception as error:  # what numpy and zipfile raise of damaged files cannot be listed
+        _LOGGER.warning("%s cannot be used, and is made anew: %s", path, error)
         return None
-    hulls = iter(np.split(points, np.cumsum(sizes)[:-1]))
-    return [[next(hulls) for _ in range(number)] for number in counts]
+
+
+def _digest(path: Path, *arrays: np.ndarray) -> bytes:
+    """SHA-256 of an entry's name and content: a file under another entry's name is noticed, too."""
+    digest = hashlib.sha256(path.stem.encode())
+    for array in arrays:
+        digest.update(f"{array.dtype.str}{array.shape}".encode() + array.tobytes())
+    return digest.digest()
 
 
 def _save(path: Path, parts: list[list[np.ndarray]]) -> None:
     """Write atomically; a cache that cannot be written (full or read-only disk) is no error, only slow."""
     hulls = [hull for part in parts for hull in part]
-    temporary = None
-    try:
+    points = np.concatenate([np.empty((0, 3)), *hulls])
+    sizes = np.array([len(hull) for hull in hulls], dtype=np.int64)
+    counts = np.array([len(part) for part in parts], dtype=np.int64)
+    digest = np.frombuffer(_digest(path, points, sizes, counts), dtype=np.uint8)
+    with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".tmp", delete=False) as file:
-            temporary = Path(file.name)
-            np.savez(
-                file,
-                points=np.concatenate([np.empty((0, 3)), *hulls]),
-                sizes=np.array([len(hull) for hull in hulls], dtype=np.int64),
-                counts=np.array([len(part) for part in parts], dtype=np.int64),
-            )
-        temporary.replace(path)
-    except OSError:
-        pass
-    finally:
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
+        with whole_file(path) as temporary:
+            np.savez(temporary, points=points, sizes=sizes, counts=counts, digest=digest)

@@ -40,7 +40,7 @@ from artiskill.assets.partnet.preview import moving_links
 from artiskill.assets.partnet.remarks import find_remarks, measures, part_names
 from artiskill.assets.partnet.semantics import read_category, read_part_names
 from artiskill.assets.partnet.urdf import read_urdf
-from artiskill.errors import AssetError
+from artiskill.errors import AssetError, shown
 
 __all__ = ["default_scale", "find_partnet_folder", "import_partnet"]
 
@@ -71,9 +71,9 @@ def import_partnet(
     """
     import_coacd()
     if not isinstance(path, Path | str):
-        raise AssetError(f"path must be an object's folder or a zip of one, not {path!r}")
+        raise AssetError(f"path must be an object's folder or a zip of one, not {shown(path)}")
     if scale is not None and not (isinstance(scale, numbers.Real) and 0 < scale < np.inf):
-        raise AssetError(f"scale must be a positive number (metres per unit of the file), not {scale!r}")
+        raise AssetError(f"scale must be a positive number (metres per unit of the file), not {shown(scale)}")
     with open_object(Path(path)) as (folder, name):
         identifier = object_id if object_id is not None else re.sub(r"[^A-Za-z0-9._-]", "-", name)
         check_object_id(identifier)

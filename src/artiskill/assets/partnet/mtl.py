@@ -7,6 +7,7 @@ import numpy as np
 
 from artiskill.assets.articulated_object import Material
 from artiskill.errors import AssetError
+from artiskill.files import is_file, is_folder, open_regular, read_text
 
 # Statements of an MTL file that hold numbers, and how many; others are skipped or names.
 _MTL_NUMBERS = {"Kd": 3, "d": 1, "Tr": 1, "Ns": 1}
@@ -18,6 +19,7 @@ _MAP_OPTIONS = {
 _MAP_VECTORS = ("-o", "-s", "-t")  # followed by one to three numbers
 # A Phong exponent this high looks polished; the data set's wood has 30.
 _POLISHED_EXPONENT = 200.0
+_MOST_BYTES, _MOST_PIXELS = 20_000_000, 8192**2
 _GREY = (0.7, 0.7, 0.7)
 
 
@@ -50,11 +52,11 @@ def read_mtl(path: Path, where: str) -> dict[str, ObjMaterial]:
     Raises:
         AssetError: the file cannot be read, or a number in it is none; the message names file, line and statement.
     """
-    if not path.is_file():
+    if not is_file(path):
         return {}
     where = f"{where}: material file {path.name!r}"
     try:
-        text = path.read_text(encoding="utf-8", errors="replace")
+        text = read_text(path, _MOST_BYTES, errors="replace")
     except OSError as error:
         raise AssetError(f"{where} cannot be read: {error.strerror}") from error
     materials: dict[str, dict[str, list[str]]] = {}
@@ -135,10 +137,10 @@ def _find_texture(folder: Path, name: str) -> Path:
     pure = PurePosixPath(name.replace("\\", "/"))
     if pure.is_absolute() or ":" in pure.parts[0]:
         pure = PurePosixPath(pure.name)
-        if not (folder / pure).is_file() and (folder.parent / "images").is_dir():
+        if not is_file(folder / pure) and is_folder(folder.parent / "images"):
             pure = PurePosixPath("../images") / pure.name
     path = folder.joinpath(*pure.parts)
-    if not path.is_file() and path.parent.is_dir():
+    if not is_file(path) and is_folder(path.parent):
         same = sorted(entry for entry in path.parent.iterdir() if entry.name.lower() == path.name.lower())
         if same:
             return same[0]
@@ -146,12 +148,14 @@ def _find_texture(folder: Path, name: str) -> Path:
 
 
 def _read_image(path: Path) -> np.ndarray | None:
-    from PIL import Image, UnidentifiedImageError
+    from PIL import Image
 
     try:
-        with Image.open(path) as image:
-            return np.asarray(image.convert("RGB"))
-    except (OSError, UnidentifiedImageError):
+        with open_regular(path) as file, Image.open(file) as image:
+            return np.asarray(image.convert("RGB")) if image.width * image.height <= _MOST_PIXELS else None
+    except (
+        Exception
+    ):  # what PIL's readers raise of damaged files cannot be listed, not even bombs and syntax errors
         return None
 
 

@@ -13,11 +13,14 @@ import numpy as np
 
 from artiskill.assets.partnet.backs import needed_faces
 from artiskill.assets.partnet.mtl import ObjMaterial, read_mtl
-from artiskill.errors import AssetError
+from artiskill.errors import AssetError, shown
+from artiskill.files import is_file, read_text
 from artiskill.geometry.meshes import TriMesh, triangle_areas
 
 # The data set's models measure about 2 across; areas and volumes of larger coordinates would overflow.
 _LARGEST_COORDINATE = 1e6
+# 100,000 faces have 10 MB; an object of many more takes minutes to cut into convex pieces
+_MOST_BYTES, MOST_FACES = 100_000_000, 300_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,11 +46,11 @@ def read_obj(path: Path, where: str) -> tuple[ObjPart, ...]:
         AssetError: the file is missing, has a line that does not parse, an index out of range, a coordinate that
             is not finite or too large, no face or no area; or its material file does not parse.
     """
-    if not path.is_file():
+    if not is_file(path):
         raise AssetError(f"{where}: mesh file {path.name!r} does not exist in {path.parent.name!r}")
     reader = _ObjReader(path, f"{where}: mesh file {path.name!r}")
     try:
-        text = path.read_text(encoding="utf-8", errors="replace")
+        text = read_text(path, _MOST_BYTES, errors="replace")
     except OSError as error:
         raise AssetError(f"{where}: mesh file {path.name!r} cannot be read: {error.strerror}") from error
     reader.read(text.splitlines())
@@ -61,6 +64,7 @@ class _ObjReader:
         self._path, self._where = path, where
         self._points: list[tuple[float, ...]] = []
         self._uvs: list[tuple[float, ...]] = []
+        self._faces = 0
         self._materials: dict[str, ObjMaterial] = {}
         self._material = ObjMaterial()
         self._corners: dict[ObjMaterial, list[tuple[int, int]]] = {}  # three (point, uv or -1) per triangle
@@ -80,10 +84,10 @@ class _ObjReader:
                     self._read_face(words[1:], known)
                 else:
                     self._read_line(key, words[1:])
-        except AssetError:  # of the material file, which says what is wrong with it
+        except AssetError:  # which says what is wrong, with a material file say
             raise
         except (ValueError, IndexError) as error:
-            raise AssetError(f"{self._where}, line {number}, does not parse: {' '.join(words)!r}") from error
+            raise AssetError(f"{self._where}, line {number}, does not parse: {shown(' '.join(words))}") from error
 
     def parts(self) -> tuple[ObjPart, ...]:
         """What has been read, without faces that no one can see.
@@ -134,13 +138,15 @@ class _ObjReader:
     def _read_materials(self, values: list[str]) -> dict[str, ObjMaterial]:
         """Of one file whose name may hold spaces, or of several."""
         folder, whole = self._path.parent, " ".join(values)
-        names = values if not (folder / whole).is_file() and len(values) > 1 else [whole]
+        names = values if not is_file(folder / whole) and len(values) > 1 else [whole]
         found: dict[str, ObjMaterial] = {}
         for name in names:
             found.update(read_mtl(folder / name, self._where))
         return found
 
     def _read_face(self, values: list[str], known: dict[str, tuple[int, int]]) -> None:
+        if self._faces + len(values) - 2 > MOST_FACES:
+            raise AssetError(f"{self._where} has more than the {MOST_FACES} triangles that are legal")
         corners = []
         for value in values:
             corner = known.get(value)
@@ -149,6 +155,7 @@ class _ObjReader:
             corners.append(corner)
         if len(corners) < 3:
             raise ValueError
+        self._faces += len(corners) - 2
         triangles = self._corners.setdefault(self._material, [])
         if len(corners) == 3:
             triangles += corners

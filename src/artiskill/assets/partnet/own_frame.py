@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from artiskill.assets.partnet.semantics import read_meta
-from artiskill.errors import AssetError
+from artiskill.errors import AssetError, shown
 
 KEY = "artiskill"
 
@@ -42,7 +42,7 @@ def read_own_frame(folder: Path) -> OwnFrame | None:
     if not legal or not isinstance(origin, list) or len(origin) != 3 or not all(map(_is_number, origin)):
         raise AssetError(
             f"{folder.name}/meta.json: {KEY!r} must be a mapping with a positive number 'scale' and three numbers "
-            f"'origin', not {given!r}"
+            f"'origin', not {shown(given)}"
         )
     return OwnFrame(float(scale), np.array(origin, dtype=float))
 

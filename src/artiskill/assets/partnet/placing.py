@@ -10,6 +10,7 @@ from artiskill.errors import AssetError
 
 # Scales of the first release for chairs and buckets; its cabinets lie in this range.
 _FIXED_SCALE: dict[Category, float] = {"chair": 0.8, "bucket": 0.3}
+_LEAST_HEIGHT = 1e-9  # of the file: something flat gets the largest scale
 CABINET_SCALES = (0.28, 0.81)
 # Bedside tables and sideboards stand about 0.65 m high, chests of drawers and tall cabinets 0.9 m and more.
 WIDE_CABINET_HEIGHT_M, TALL_CABINET_HEIGHT_M = 0.65, 0.9
@@ -75,7 +76,7 @@ def default_scale(category: Category, size: np.ndarray) -> float:
     if category in _FIXED_SCALE:
         return _FIXED_SCALE[category]
     height_m = WIDE_CABINET_HEIGHT_M if size[1] >= size[2] else TALL_CABINET_HEIGHT_M
-    return float(np.clip(height_m / size[2], *CABINET_SCALES))
+    return float(np.clip(height_m / max(float(size[2]), _LEAST_HEIGHT), *CABINET_SCALES))
 
 
 def _circle_centre(points: np.ndarray) -> np.ndarray:

@@ -1,6 +1,5 @@
 """What each mesh is: part names from the URDF, or from the annotation files where the URDF has none."""
 
-import json
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -11,7 +10,8 @@ from artiskill.assets.articulated_object import Category
 from artiskill.assets.handles import is_handle_part
 from artiskill.assets.partnet.part_names import HANDLE, benchmark_part
 from artiskill.assets.partnet.urdf import UrdfMesh
-from artiskill.errors import AssetError
+from artiskill.errors import AssetError, shown
+from artiskill.files import is_file, parse_json, read_bytes, read_text
 
 UNKNOWN = "unknown"
 CATEGORY_OF: dict[str, Category] = {"StorageFurniture": "cabinet", "Chair": "chair", "Bucket": "bucket"}
@@ -99,7 +99,7 @@ def read_part_names(folder: Path, category: Category = "cabinet") -> PartNames:
         groups[ids[-1]] = tuple(str(node.get("name", UNKNOWN)) for node in reversed(path[:-1]))
         stems = leaf.get("objs", ())
         if not isinstance(stems, list | tuple):
-            raise AssetError(f"result.json: 'objs' must be a list, not {stems!r}")
+            raise AssetError(f"result.json: 'objs' must be a list, not {shown(stems)}")
         for stem in stems:
             # an inner node may list its leaves' meshes again: leaves come later in the walk, and win
             by_stem[str(stem)] = label
@@ -108,10 +108,10 @@ def read_part_names(folder: Path, category: Category = "cabinet") -> PartNames:
 
 def _read_link_names(path: Path) -> dict[str, str]:
     """Lines such as `link_0 hinge handle`: link, kind of joint, what the link is; others are skipped."""
-    if not path.is_file():
+    if not is_file(path):
         return {}
     try:
-        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+        lines = read_text(path, errors="replace").splitlines()
     except OSError as error:
         raise AssetError(f"{path.parent.name}/{path.name} cannot be read: {error.strerror}") from error
     rows = [line.split() for line in lines]
@@ -126,7 +126,7 @@ def read_category(folder: Path) -> tuple[Category, str]:
     """
     given = read_meta(folder).get("model_cat")
     if not isinstance(given, str) or given not in CATEGORY_OF:
-        raise AssetError(f"{folder.name}/meta.json: model_cat is {given!r}; legal: {', '.join(CATEGORY_OF)}")
+        raise AssetError(f"{folder.name}/meta.json: model_cat is {shown(given)}; legal: {', '.join(CATEGORY_OF)}")
     return CATEGORY_OF[given], str(given)
 
 
@@ -148,7 +148,7 @@ def _walk(nodes: Any, above: tuple[dict[str, Any], ...], file: str) -> Iterator[
         raise AssetError(f"{file}: 'children' and 'parts' must be lists, not {type(nodes).__name__}")
     for node in nodes:
         if not isinstance(node, dict):
-            raise AssetError(f"{file}: a node must be a mapping, not {node!r}")
+            raise AssetError(f"{file}: a node must be a mapping, not {shown(node)}")
         path = (*above, node)
         yield path
         yield from _walk(node.get("children", ()), path, file)
@@ -170,10 +170,10 @@ def _read_list(path: Path) -> list[dict[str, Any]]:
 
 def _read_json(path: Path) -> Any:
     """The file's content, or None where it does not exist."""
-    if not path.is_file():
+    if not is_file(path):
         return None
     try:
-        return json.loads(path.read_bytes())
+        return parse_json(read_bytes(path))
     except ValueError as error:  # JSONDecodeError and UnicodeDecodeError alike
         raise AssetError(f"{path.parent.name}/{path.name} is not valid JSON: {error}") from error
     except OSError as error:

@@ -9,12 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from artiskill.errors import AssetError
+from artiskill.errors import AssetError, shown
+from artiskill.files import is_file, read_bytes
 from artiskill.geometry.rotations import quat_from_rpy, quat_to_matrix
 
 JOINT_TYPES = ("fixed", "revolute", "continuous", "prismatic")
 # The data set's objects measure about 2 across; beyond this, squares and products would overflow somewhere.
 LARGEST_NUMBER = 1e6
+_MOST_BYTES, _MOST_LINKS = 20_000_000, 1000  # the data set's largest have 300 kB and 100 links
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,11 +69,11 @@ def read_urdf(path: Path) -> UrdfModel:
             links are not one tree.
     """
     where = f"{path.parent.name}/{path.name}"
-    if not path.is_file():
+    if not is_file(path):
         raise AssetError(f"PartNet folder {str(path.parent)!r} has no file {path.name!r}; it must hold one")
     try:
-        robot = ET.fromstring(path.read_bytes())
-    except ET.ParseError as error:
+        robot = ET.fromstring(read_bytes(path, _MOST_BYTES))
+    except (ET.ParseError, ValueError, LookupError) as error:  # the latter two of unknown encodings
         raise AssetError(f"{where} is not valid XML: {error}") from error
     except OSError as error:
         raise AssetError(f"{where} cannot be read: {error.strerror}") from error
@@ -83,6 +85,8 @@ def read_urdf(path: Path) -> UrdfModel:
         if name in links:
             raise AssetError(f"{where}: two links are named {name!r}")
         links[name] = tuple(_read_mesh(visual, f"{where}: link {name!r}") for visual in element.findall("visual"))
+    if len(links) > _MOST_LINKS:
+        raise AssetError(f"{where} has {len(links)} links; at most {_MOST_LINKS} are legal")
     joints = tuple(_read_joint(element, where) for element in robot.findall("joint"))
     return UrdfModel(links, joints, _check_tree(links, joints, where))
 
@@ -180,11 +184,11 @@ def _numbers(text: str, count: int, what: str) -> np.ndarray:
     try:
         values = np.array([float(word) for word in text.split()])
     except ValueError as error:
-        raise AssetError(f"{what} must be {number}, not {text!r}") from error
+        raise AssetError(f"{what} must be {number}, not {shown(text)}") from error
     if len(values) != count:
-        raise AssetError(f"{what} must be {number}, not {text!r}")
+        raise AssetError(f"{what} must be {number}, not {shown(text)}")
     if np.isnan(values).any():
-        raise AssetError(f"{what} must be {finite}, not {text!r}")
+        raise AssetError(f"{what} must be {finite}, not {shown(text)}")
     return values
 
 
@@ -192,5 +196,5 @@ def _bounded(text: str, what: str) -> np.ndarray:
     """Three numbers of a size that can be calculated with."""
     values = _numbers(text, 3, what)
     if np.abs(values).max() > LARGEST_NUMBER:
-        raise AssetError(f"{what} must be 3 finite numbers of at most {LARGEST_NUMBER:g}, not {text!r}")
+        raise AssetError(f"{what} must be 3 finite numbers of at most {LARGEST_NUMBER:g}, not {shown(text)}")
     return values

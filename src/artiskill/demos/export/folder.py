@@ -9,7 +9,7 @@ from artiskill.demos.hdf5 import writing
 from artiskill.demos.replay.training_file import TrainingFiles
 from artiskill.errors import DemoError
 from artiskill.jobs.reservation import reserved
-from artiskill.jobs.whole_files import TEMPORARY_PREFIX
+from artiskill.jobs.whole_files import TEMPORARY_PREFIX, output_path
 
 
 @contextmanager
@@ -22,6 +22,7 @@ def new_folder(path: Path) -> Iterator[Path]:
         DemoError: the path exists, or cannot be written to.
         ConfigError: another process exports under this name.
     """
+    path = output_path(path)
     with writing(path):
         _check_is_free(path)
     place = path.parent / f"{TEMPORARY_PREFIX}{path.name}"

@@ -19,7 +19,7 @@ from artiskill.demos.export.lerobot_tables import EpisodeTable, FrameTable, writ
 from artiskill.demos.export.lerobot_videos import VideoFile
 from artiskill.demos.hdf5 import reading
 from artiskill.demos.replay.training_file import TrainingFile, TrainingFiles
-from artiskill.errors import ConfigError
+from artiskill.errors import ConfigError, shown
 
 VERSION = "v3.0"
 _FILES_PER_CHUNK = 1000
@@ -62,7 +62,7 @@ def export_lerobot(
     if name is None:
         name = f"artiskill/{settings.source.task}-{settings.control_mode}-{settings.obs_mode}"
     if not _NAME.fullmatch(name):
-        raise ConfigError(f"an id of LeRobot looks like artiskill/doors, not {name!r}")
+        raise ConfigError(f"an id of LeRobot looks like artiskill/doors, not {shown(name)}")
     check_not_empty(training)
     layout = Layout(settings, training.spaces)
     path = home / name

@@ -19,7 +19,7 @@ from artiskill.demos.replay.settings import ReplaySettings
 from artiskill.demos.replay.training_file import TrainingFile, TrainingFiles
 from artiskill.envs.registration import NAMESPACE
 from artiskill.envs.wrappers import PointCloudDownsample
-from artiskill.errors import ConfigError
+from artiskill.errors import ConfigError, shown
 
 # the oldest release that reads images which are not JPEG
 _VERSION = "0.5.4"
@@ -53,7 +53,7 @@ def export_minari(
     if name is None:
         name = f"artiskill/{source.task}/{settings.control_mode}-{settings.obs_mode}-v0"
     if not _NAME.fullmatch(name):
-        raise ConfigError(f"an id of Minari looks like artiskill/doors-v0, not {name!r}")
+        raise ConfigError(f"an id of Minari looks like artiskill/doors-v0, not {shown(name)}")
     check_not_empty(training)
     path = home / name
     with new_folder(path) as folder:

@@ -19,6 +19,7 @@ from artiskill.demos.settings import settings_hash
 from artiskill.envs.control import Control
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import DemoError
+from artiskill.files import parse_json, read_bytes
 from artiskill.jobs.whole_files import whole_file
 
 OUTCOMES, SOURCE = "outcomes", "source_sha256"
@@ -81,7 +82,7 @@ class Block:
     def is_done(self) -> bool:
         """Whether its file is there, whole, and made from the same demonstrations with the same settings."""
         try:
-            return bool(json.loads(self._seal_path.read_text(encoding="utf-8")) == self._seal_content())
+            return bool(parse_json(read_bytes(self._seal_path)) == self._seal_content())
         except (DemoError, OSError, ValueError):
             return False
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from artiskill.config import to_mapping
 from artiskill.demos.hdf5 import new_large_file, open_file
+from artiskill.demos.hdf5_content import MOST_FRAMES_BYTES
 from artiskill.demos.manifest import FileEntry, sha256_of
 from artiskill.demos.replay.blocks import OUTCOMES, SOURCE, Block, outcome_table, read_outcomes
 from artiskill.demos.replay.episodes import Outcome, OutcomeCounts
@@ -37,7 +38,7 @@ def merge(
         block.check()
     with new_large_file(path, sum(block.part.stat().st_size for block in blocks)) as file:
         for block in blocks:
-            with open_file(block.part) as part:
+            with open_file(block.part, MOST_FRAMES_BYTES) as part:
                 for outcome in read_outcomes(part, block.part):
                     outcomes.append(outcome)
                     if outcome.kept:

@@ -23,10 +23,10 @@ from artiskill.demos.replay.manifest import (
 from artiskill.demos.replay.merging import merge
 from artiskill.demos.replay.settings import ReplaySettings
 from artiskill.demos.unfinished import UNFINISHED, WORKER_HINT, check_manifest, remove_unfinished
-from artiskill.errors import DemoError
+from artiskill.errors import DemoError, shown
 from artiskill.jobs.parallel import run_source
 from artiskill.jobs.reservation import reserved
-from artiskill.jobs.whole_files import remove_leftovers
+from artiskill.jobs.whole_files import output_path, remove_leftovers
 
 # Trajectories that a worker replays at a stretch, and keeps in memory: so many, or fewer if their observations may
 # take more than this, before they are compressed. Both are constants: where in a file things lie depends on them.
@@ -64,9 +64,9 @@ def replay(
             or cannot be written to.
         PolicyError: a worker ended by itself.
     """
-    folder = Path(folder)
+    folder = output_path(folder)
     is_legal = isinstance(workers, int) and not isinstance(workers, bool) and workers >= 1
-    check(is_legal, f"workers must be a whole number of at least 1, not {workers!r}")
+    check(is_legal, f"workers must be a whole number of at least 1, not {shown(workers)}")
     source = Demos(demos)
     check_is_other = folder.resolve() != source.folder.resolve()
     check(

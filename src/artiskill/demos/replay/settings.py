@@ -12,7 +12,7 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.modes import OBSERVATION_MODES
 from artiskill.envs.vision import FRAMES
 from artiskill.envs.wrappers import PointCloudDownsample
-from artiskill.errors import ConfigError, check_name
+from artiskill.errors import ConfigError, check_name, shown
 from artiskill.sensors.downsample import make_sampler
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Task
@@ -89,8 +89,9 @@ class ReplaySettings:
         check(0 <= self.compression <= 9, f"the compression must lie in [0, 9], not {self.compression}")
         for key in self.seen:
             if not key.startswith(_SEEN):
+                seen = ", ".join(f"{name}*" for name in _SEEN)
                 raise ConfigError(
-                    f"a replay can change what is seen ({', '.join(f'{name}*' for name in _SEEN)}), not {key!r}: "
+                    f"a replay can change what is seen ({seen}), not {shown(key)}: "
                     "the physics, the rewards and what counts as solved are those of the demonstrations"
                 )
 

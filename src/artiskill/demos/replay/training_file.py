@@ -1,6 +1,5 @@
 """`TrainingFile` and `TrainingFiles`: training files, open for reading."""
 
-import json
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +12,9 @@ from artiskill.assets.catalog import list_objects, load_object
 from artiskill.config import from_mapping
 from artiskill.demos.arrays import Form, check_finite, check_forms
 from artiskill.demos.hdf5 import reading
+from artiskill.demos.hdf5_content import MOST_FRAMES_BYTES
 from artiskill.demos.header import check_format
+from artiskill.demos.json_files import checked_path
 from artiskill.demos.open_file import TRAJECTORY, OpenFile
 from artiskill.demos.replay.layout import STATE, leaf_spaces
 from artiskill.demos.replay.manifest import (
@@ -26,6 +27,7 @@ from artiskill.demos.replay.manifest import (
 )
 from artiskill.demos.replay.settings import ReplaySettings
 from artiskill.errors import ArtiSkillError, DemoError, UnknownNameError
+from artiskill.files import is_file, parse_json
 from artiskill.tasks.levels import check_level
 
 
@@ -48,12 +50,12 @@ class TrainingFile(OpenFile):
     """
 
     def __init__(self, path: Path | str) -> None:
-        super().__init__(path, "its attributes")
+        super().__init__(path, "its attributes", MOST_FRAMES_BYTES)
 
     def _read_header(self, given: dict[str, Any]) -> None:
         check_format(given.get("format"), given.get("schema_version"), self.path, FORMAT, SCHEMA_VERSION, WHAT)
         self.object, self.name = str(given["object"]), str(given["name"])
-        self.settings = from_mapping(ReplaySettings, json.loads(given["settings"]), str(self.path))
+        self.settings = from_mapping(ReplaySettings, parse_json(given["settings"]), str(self.path))
         self.groups: list[Any] = [self._file[f"{TRAJECTORY}{i}"] for i in range(len(self))]
 
     def array(self, i: int, path: str) -> np.ndarray:
@@ -133,12 +135,12 @@ class TrainingFiles:
     """
 
     def __init__(self, path: Path | str, check: bool = False) -> None:
-        self.folder = Path(path)
+        self.folder = checked_path(path)
         self.manifest: TrainingManifest = read_training_manifest(self.folder)
         for name, entry in self.manifest.files.items():
             if check:
                 check_training_file(self.folder, name, entry)
-            elif not (self.folder / name).is_file():
+            elif not is_file(self.folder / name):
                 raise DemoError(f"{str(self.folder / name)!r} is missing: the manifest lists it")
 
     @property

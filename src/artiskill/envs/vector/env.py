@@ -23,7 +23,7 @@ from artiskill.envs.vector.observation import VectorObserver, VectorStateObserve
 from artiskill.envs.vector.options import (
     RESET_OPTIONS,
     as_autoreset_mode,
-    at_least_one,
+    env_count,
     env_number,
     per_env,
     reset_mask,
@@ -84,7 +84,7 @@ class ManipulationVectorEnv(CopiedByState, gym.vector.VectorEnv[Any, Any, Any]):
     ) -> None:
         already = frozenset(vars(self))
         check_modes(obs_mode, reward_mode, control_mode, render_mode, VECTOR_RENDER_MODES)
-        self.num_envs = at_least_one("num_envs", num_envs)
+        self.num_envs = env_count(num_envs)
         self.num_threads = thread_count(num_threads, num_envs)
         self.task = make_task(task, config)
         self.obs_mode, self.reward_mode, self.render_mode = obs_mode, reward_mode, render_mode

@@ -7,10 +7,11 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.errors import ConfigError, check_name
+from artiskill.errors import ConfigError, check_name, shown
 from artiskill.jobs.parallel import available_cores
 from artiskill.tasks.levels import check_level
 
+MOST_ENVS = 65_536  # each takes about 1 MB
 RESET_OPTIONS = ("level", "object", "target", "reset_mask")
 _MODES = {mode.name.lower(): mode for mode in AutoresetMode}
 _VALUES = tuple(mode.value for mode in AutoresetMode)
@@ -24,7 +25,7 @@ def as_autoreset_mode(given: AutoresetMode | str) -> AutoresetMode:
     """
     if isinstance(given, AutoresetMode):
         return given
-    if given in _VALUES:
+    if isinstance(given, str) and given in _VALUES:
         return AutoresetMode(given)
     check_name("autoreset mode", given, tuple(_MODES))
     return _MODES[given]
@@ -41,7 +42,7 @@ def per_env(what: str, given: Any, num_envs: int) -> list[Any]:
         return [given] * num_envs
     if isinstance(given, Sequence | np.ndarray) and len(given) == num_envs:
         return list(given)
-    count = f"{len(given)} of them" if isinstance(given, Sequence | np.ndarray) else repr(given)
+    count = f"{len(given)} of them" if isinstance(given, Sequence | np.ndarray) else shown(given)
     raise ConfigError(f"{what}: one for all environments or a list of {num_envs} is needed, not {count}")
 
 
@@ -61,7 +62,7 @@ def reset_mask(options: Mapping[str, Any], num_envs: int) -> np.ndarray:
         return np.ones(num_envs, dtype=bool)
     if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (num_envs,) or not mask.any():
         raise ConfigError(
-            f"reset_mask must be an array of {num_envs} booleans with at least one set, not {mask!r}"
+            f"reset_mask must be an array of {num_envs} booleans with at least one set, not {shown(mask)}"
         )
     return mask
 
@@ -88,7 +89,7 @@ def env_number(given: Any, num_envs: int) -> int:
     """
     legal = isinstance(given, int | np.integer) and not isinstance(given, bool) and 0 <= given < num_envs
     if not legal:
-        raise ConfigError(f"environments are numbered 0 to {num_envs - 1}: there is no {given!r}")
+        raise ConfigError(f"environments are numbered 0 to {num_envs - 1}: there is no {shown(given)}")
     return int(given)
 
 
@@ -99,8 +100,20 @@ def at_least_one(name: str, value: Any) -> int:
         ConfigError: no whole number, or less than 1.
     """
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise ConfigError(f"{name} must be a whole number of at least 1, not {value!r}")
+        raise ConfigError(f"{name} must be a whole number of at least 1, not {shown(value)}")
     return int(value)
+
+
+def env_count(given: Any) -> int:
+    """A number of environments.
+
+    Raises:
+        ConfigError: as `at_least_one`, or more than memory could hold.
+    """
+    count = at_least_one("num_envs", given)
+    if count > MOST_ENVS:
+        raise ConfigError(f"num_envs must be at most {MOST_ENVS}, not {shown(count)}")
+    return count
 
 
 def thread_count(given: Any, num_envs: int) -> int:

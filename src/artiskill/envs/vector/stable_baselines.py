@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 from artiskill.envs.vector.attributes import SETTABLE
 from artiskill.envs.vector.env import ManipulationVectorEnv
 from artiskill.envs.vector.observation import copied
-from artiskill.errors import ConfigError, MissingExtraError
+from artiskill.errors import ConfigError, MissingExtraError, shown
 from artiskill.tasks.levels import MAX_LEVEL
 
 VectorEnv = gym.vector.VectorEnv[Any, Any, Any]
@@ -34,7 +34,7 @@ def as_sb3(env: VectorEnv) -> Any:
         MissingExtraError: Stable-Baselines3 is not installed.
     """
     if not isinstance(getattr(env, "unwrapped", None), ManipulationVectorEnv):
-        raise ConfigError(f"as_sb3 needs a vector environment, as gym.make_vec makes it, not {env!r}")
+        raise ConfigError(f"as_sb3 needs a vector environment, as gym.make_vec makes it, not {shown(env)}")
     mode, space = env.metadata.get("autoreset_mode"), env.single_observation_space
     if mode is not AutoresetMode.SAME_STEP:
         raise ConfigError(f"make the vector environment with autoreset_mode='same_step', not {mode}")
