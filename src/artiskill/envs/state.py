@@ -4,12 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from artiskill.errors import StateError
+from artiskill.errors import StateError, shown
 from artiskill.sim.states import SimulationState
 from artiskill.tasks.levels import check_level
 
 _MOST_STEPS = 2**31 - 1  # of an episode: nobody plays so long, and counting on from there cannot overflow
-_MOST_TEXT = 80  # of a value in an error
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,17 +47,17 @@ def check_episode(state: EnvState, task: str, flags: int) -> None:
         ConfigError: its level does not.
     """
     if not isinstance(state, EnvState) or not isinstance(state.task, str) or state.task != task:
-        given = _shown(state.task) if isinstance(state, EnvState) else repr(type(state).__name__)
+        given = shown(state.task) if isinstance(state, EnvState) else repr(type(state).__name__)
         raise StateError(f"cannot restore a state of {given} into {task!r}")
     for name in ("object", "target"):
         if not isinstance(getattr(state, name), str):
-            raise StateError(f"this state's {name} is damaged: a name is text, not {_shown(getattr(state, name))}")
+            raise StateError(f"this state's {name} is damaged: a name is text, not {shown(getattr(state, name))}")
     if not isinstance(state.simulation, SimulationState):
         raise StateError(f"this state's simulation is damaged: it is a {type(state.simulation).__name__}")
     check_level(state.level)
     if not _is_count(state.elapsed) or not _are_counts(state.streaks, flags):
         raise StateError(
-            f"this state's progress is damaged: elapsed {_shown(state.elapsed)}, streaks {_shown(state.streaks)}; "
+            f"this state's progress is damaged: elapsed {shown(state.elapsed)}, streaks {shown(state.streaks)}; "
             f"legal are whole numbers from 0 to {_MOST_STEPS}, {flags} of them for the streaks"
         )
 
@@ -75,12 +74,3 @@ def _are_counts(values: object, count: int) -> bool:
         return False
     is_whole = found.shape == (count,) and found.dtype.kind == "i"
     return is_whole and bool(((found >= 0) & (found <= _MOST_STEPS)).all())
-
-
-def _shown(value: object) -> str:
-    """A value for an error, whatever it is."""
-    try:
-        text = repr(value)
-    except Exception:  # of a number with too many digits, or of a foreign class
-        return f"a {type(value).__name__}"
-    return text if len(text) <= _MOST_TEXT else f"{text[: _MOST_TEXT - 4]} ..."
