@@ -5,11 +5,11 @@ import sys
 from collections.abc import Sequence
 
 from artiskill import __version__
-from artiskill.cli import assets, bench, config, demos, evaluate, objects, render, tasks, version
+from artiskill.cli import assets, bench, config, demos, evaluate, objects, render, tasks, version, warm
 from artiskill.cli.parser import Parser
 from artiskill.errors import ArtiSkillError
 
-COMMANDS = (evaluate, demos, render, objects, assets, bench, tasks, config, version)
+COMMANDS = (evaluate, demos, render, objects, assets, bench, tasks, warm, config, version)
 EXIT_OK, EXIT_ERROR, EXIT_INTERRUPTED, EXIT_BROKEN_PIPE = 0, 2, 130, 141
 
 

@@ -1,12 +1,21 @@
-"""Build what environments share, before the clock runs."""
+"""Build and compile what environments share, before the clock runs."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from artiskill.assets.catalog import load_object
 from artiskill.envs.casting import Casting, ObjectChoice
+from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.envs.modes import CONTROL_MODES
+from artiskill.envs.vector.env import ManipulationVectorEnv
+from artiskill.envs.wrappers import PointCloudDownsample
 from artiskill.scene.cache import CAPACITY, cached_scene
-from artiskill.tasks.registry import make_task
+from artiskill.sensors.downsample import SAMPLERS
+from artiskill.tasks.registry import make_task, task_names
+
+_VISUAL_TASK = "PushChair"
+_QUALITIES: tuple[dict[str, Any], ...] = ({}, {"render.quality": "picture"})
 
 
 def warm_scenes(task: str, objects: ObjectChoice = "train", config: Mapping[str, Any] | None = None) -> int:
@@ -33,3 +42,42 @@ def warm_scenes(task: str, objects: ObjectChoice = "train", config: Mapping[str,
         obj = load_object(choice) if isinstance(choice, str) else choice
         cached_scene(made.robot, obj, made.physics, made.props)
     return len(choices)
+
+
+def first_uses() -> list[Callable[[], None]]:
+    """List calls that together make the first use of every kernel: after them, no environment compiles anything.
+
+    Each makes an environment and takes a step: what is compiled depends on the arrays that a kernel is given.
+    """
+    visual: list[dict[str, Any]] = [
+        {"obs_mode": mode, "config": quality} for quality in _QUALITIES for mode in ("pointcloud", "rgbd")
+    ]
+    return [
+        *(partial(_use, task, control_mode=mode) for task in task_names() for mode in CONTROL_MODES),
+        *(partial(_use, _VISUAL_TASK, **mode) for mode in visual),
+        *(partial(_use_sampler, method, quality) for quality in _QUALITIES for method in SAMPLERS),
+        *(partial(_use_vector, **mode) for mode in ({"obs_mode": "state"}, *visual)),
+    ]
+
+
+def _use(task: str, **arguments: Any) -> None:
+    env = ManipulationEnv(task, render_mode="rgb_array", **arguments)
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+    env.render()
+    env.close()
+
+
+def _use_sampler(method: str, quality: dict[str, Any]) -> None:
+    env = PointCloudDownsample(
+        ManipulationEnv(_VISUAL_TASK, obs_mode="pointcloud", config=quality), method=method, frame="robot"
+    )
+    env.reset(seed=0)
+    env.close()
+
+
+def _use_vector(**arguments: Any) -> None:
+    env = ManipulationVectorEnv(2, _VISUAL_TASK, num_threads=1, **arguments)
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+    env.close()

@@ -91,6 +91,13 @@ def lights(config: RenderConfig) -> Lights:
     )
 
 
+def plain_colours(light: Lights) -> np.ndarray:
+    """(2, 3) uint8 display colours of background and floor where they are not shaded per pixel."""
+    table = np.empty((2, 3))
+    _encode_plain(light, table)
+    return table.round().astype(np.uint8)
+
+
 def _lamp_rows(config: RenderConfig) -> np.ndarray:
     rows = np.zeros((len(config.lamps), 7))
     for row, lamp in zip(rows, config.lamps, strict=True):
@@ -139,6 +146,15 @@ def encoded(x: float, encode: Array) -> float:
         return encode[0]
     i = int(place) if place < steps else steps - 1
     return encode[i] + min(1.0, place - i) * (encode[i + 1] - encode[i])
+
+
+@kernel
+def _encode_plain(light: Lights, table: Array) -> None:
+    """Background and floor in the sun, on the display's scale of 0 .. 255, into (2, 3)."""
+    received = irradiance((0.0, 0.0, 1.0), 1.0, 1.0, light)
+    for k in range(3):
+        table[0, k] = encoded(light.horizon[k], light.encode)
+        table[1, k] = encoded(tone_mapped(received[k] * light.floor[k]), light.encode)
 
 
 @kernel

@@ -203,7 +203,10 @@ def clip_near(camera: Array, face: tuple[int, int, int], lens: Array) -> Array:
     for i in range(3):
         start, end = face[i], face[(i + 1) % 3]
         if camera[start, 2] >= near:
-            clipped[count] = camera[start]
+            for k in range(
+                3
+            ):  # numbers only: to assign a row, Numba would compile half a second of error messages
+                clipped[count, k] = camera[start, k]
             count += 1
         if (camera[start, 2] >= near) != (camera[end, 2] >= near):
             # always from the same end, so that two triangles cut their common edge at the same point

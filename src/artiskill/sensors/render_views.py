@@ -11,7 +11,7 @@ from artiskill.sensors.paint import paint_rows, paint_textures
 from artiskill.sensors.point_lights import light_floor
 from artiskill.sensors.rasterise import draw_geoms
 from artiskill.sensors.resolve import Channels, resolve_depth, resolve_ids, resolve_position
-from artiskill.sensors.row_fill import copy
+from artiskill.sensors.row_fill import copy, fill
 from artiskill.sensors.runs import UNSEEN, list_runs
 from artiskill.sensors.scene_tables import SceneTables
 from artiskill.sensors.scratch import BAND_ROWS, Drawing, Scratch, drawing_of
@@ -98,7 +98,7 @@ def draw_view(
 ) -> Backdrop:
     """Draw all visuals into the buffers of a view, which hold values only where something may be drawn."""
     backdrop = find_backdrop(view, has_floor, drawing.triangle.shape[1], drawing.floor)
-    drawing.drawn[...] = 0
+    fill(drawing.drawn.reshape(-1), 0)
     draw_geoms(
         scene,
         positions,

@@ -11,9 +11,8 @@ from artiskill.errors import ConfigError, StateError
 from artiskill.sensors.backdrop import fill_rest
 from artiskill.sensors.camera import Camera
 from artiskill.sensors.camera_batch import CameraBatch, common_resolution, views_of
-from artiskill.sensors.compilation import announce_compilation
 from artiskill.sensors.images import CHANNELS, Images, allocate_images, as_kernel_channels, check_channels
-from artiskill.sensors.lighting import View, encoded, irradiance, lights, surfaces, tone_mapped
+from artiskill.sensors.lighting import View, lights, plain_colours, surfaces
 from artiskill.sensors.orthographic import transform_vertices
 from artiskill.sensors.render_config import RenderConfig
 from artiskill.sensors.render_views import Poses, Views, draw_view, pose_matrices, render_views
@@ -44,7 +43,7 @@ class Renderer:
         self.soup = build_triangle_soup(visuals, math.radians(config.crease_angle_deg), config.max_texture_px)
         self._tables = build_scene_tables(self.soup)
         self._lights = lights(config)
-        self._plain_colours = self._display_plain_colours()
+        self._plain_colours = plain_colours(self._lights)
         self._pool: ThreadPoolExecutor | None = None
         self._pool_size = 0
         self._picture: PictureShader | None = None
@@ -157,12 +156,10 @@ class Renderer:
         leave_out = ("rgb",) if self._picture is not None else ()
         if set(images.channels) - set(leave_out):
             out = as_kernel_channels(images, leave_out)
-            with announce_compilation("the rasteriser"):
-                self._draw_views(poses, views, cameras, out, resolution, min(threads, len(views.positions)))
+            self._draw_views(poses, views, cameras, out, resolution, min(threads, len(views.positions)))
         if self._picture is not None and "rgb" in images.channels:
             rgb = images.rgb.reshape(-1, *images.rgb.shape[-3:])
-            with announce_compilation("the shader of pictures"):
-                self._draw_pictures(self._picture, poses, views, cameras, rgb)
+            self._draw_pictures(self._picture, poses, views, cameras, rgb)
 
     def _draw_views(
         self, poses: Poses, views: Views, cameras: int, out: Channels, resolution: tuple[int, int], threads: int
@@ -237,14 +234,6 @@ class Renderer:
             self._pool_size = threads - 1
             self._pool = ThreadPoolExecutor(self._pool_size, thread_name_prefix="artiskill-render")
         return self._pool
-
-    def _display_plain_colours(self) -> np.ndarray:
-        """(2, 3) uint8 display colours of background and floor where they are not shaded per pixel."""
-        light = self._lights
-        received = irradiance((0.0, 0.0, 1.0), 1.0, 1.0, light)
-        floor = [tone_mapped(r * c) for r, c in zip(received, light.floor.tolist(), strict=True)]
-        table = [[encoded(c, light.encode) for c in row] for row in (light.horizon.tolist(), floor)]
-        return np.array(table).round().astype(np.uint8)
 
 
 def _batch_views(

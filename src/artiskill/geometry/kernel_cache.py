@@ -1,0 +1,208 @@
+"""Where compiled kernels are kept.
+
+A folder holds the code of one state of the sources: its name is a digest of all kernels and of who compiled
+them, so that nothing in it is ever out of date, whichever file was changed. (Numba itself looks at the file of the
+called kernel only.) Files are replaced whole, and of several processes that need the same kernel one compiles it;
+the others wait and load.
+"""
+
+import contextlib
+import fcntl
+import functools
+import gc
+import hashlib
+import os
+import platform
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import llvmlite
+import numba
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.compiler_lock import global_compiler_lock
+
+from artiskill.geometry.compile_notice import announced
+
+_PACKAGE = Path(__file__).parents[1]
+# what a source of compiled code contains
+_MARKERS = (b"@kernel", b"@inlined_kernel", b"@intrinsic", b"_SubroutineLowering")
+# folders of other states of the sources that are kept: of other environments, other branches
+_OTHERS_KEPT = 7
+# a process that compiles for longer than this was stopped, or its machine is: others stop waiting
+_LONGEST_WAIT_S = 180.0
+_POLL_S = 0.05
+
+
+def sources_digest(package: Path) -> str:
+    """Return a digest of all sources of compiled code and of the versions that compile them."""
+    who = platform.python_implementation(), platform.python_version(), numba.__version__, llvmlite.__version__
+    digest = hashlib.sha256(repr(who).encode())
+    for path in sorted(package.rglob("*.py")):
+        text = path.read_bytes()
+        if any(marker in text for marker in _MARKERS):
+            digest.update(str(path.relative_to(package)).encode() + b"\0" + text)
+    return digest.hexdigest()[:16]
+
+
+@functools.cache
+def kernel_folder() -> Path | None:
+    """Return the folder of compiled kernels, made if need be; None where nothing can be written.
+
+    It lies in the first that can be written to of `$NUMBA_CACHE_DIR`, `$XDG_CACHE_HOME/artiskill` or
+    `~/.cache/artiskill`, and the package's own `__pycache__`.
+    """
+    digest = sources_digest(_PACKAGE)
+    for root in _roots():
+        folder = root / "kernels" / digest
+        with contextlib.suppress(OSError):
+            if not folder.is_dir():
+                folder.mkdir(parents=True, exist_ok=True)
+                _forget_oldest(folder)
+            tempfile.TemporaryFile(dir=folder).close()
+            os.utime(folder)
+            return folder
+    return None
+
+
+def _roots() -> Iterator[Path]:
+    if numba.config.CACHE_DIR:
+        yield Path(numba.config.CACHE_DIR)
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    yield Path(home) / "artiskill"
+    yield _PACKAGE / "__pycache__"
+
+
+def _forget_oldest(newest: Path) -> None:
+    """Delete the folders beside this one that were not used for longest."""
+    others = [path for path in newest.parent.iterdir() if path.is_dir() and path != newest]
+    others.sort(key=lambda path: path.stat().st_mtime, reverse=True)
+    for path in others[_OTHERS_KEPT:]:
+        shutil.rmtree(path, ignore_errors=True)
+
+
+def keep_compiled(kernel: Any) -> None:
+    """Keep what Numba compiles of a function (a dispatcher) in the folder, and say so while it compiles.
+
+    Functions of others, whose sources the folder's name does not know, are compiled in every process.
+    """
+    if kernel.py_func.__module__.split(".")[0] != _PACKAGE.name:
+        return
+    folder = kernel_folder()
+    compile_now = kernel.compile
+    if folder is None:
+
+        def compile_once(signature: Any) -> Any:
+            with _compiling(kernel, None):
+                return compile_now(signature)
+
+    else:
+        kernel._cache = cache = _KernelCache(kernel.py_func)
+
+        def compile_once(signature: Any) -> Any:
+            with global_compiler_lock, ExitStack() as until_compiled:
+                cache.when_missing = lambda: until_compiled.enter_context(_compiling(kernel, folder))
+                return compile_now(signature)
+
+    kernel.compile = compile_once
+
+
+class _Locator:
+    """Where the code of one function is kept, in Numba's terms."""
+
+    def __init__(self, function: Callable[..., object], path: str) -> None:
+        self._place = f"{function.__module__}-{function.__code__.co_firstlineno}"
+
+    @classmethod
+    def from_function(cls, function: Callable[..., object], path: str) -> "_Locator":
+        return cls(function, path)
+
+    def ensure_cache_path(self) -> None:
+        Path(self.get_cache_path()).mkdir(parents=True, exist_ok=True)
+
+    def get_cache_path(self) -> str:
+        return str(kernel_folder())
+
+    def get_source_stamp(self) -> str:
+        return ""  # the folder's name says it
+
+    def get_disambiguator(self) -> str:
+        return self._place
+
+
+class _Reduction(CompileResultCacheImpl):
+    _locator_classes = (_Locator,)
+
+
+class _KernelCache(FunctionCache):
+    """Numba's cache of one function, for several processes at a time and for damaged files and full disks."""
+
+    _impl_class = _Reduction
+    when_missing: Callable[[], object] = staticmethod(lambda: None)
+
+    def load_overload(self, signature: Any, target_context: Any) -> Any:
+        """Return what is kept; if it is missing, wait for whoever else compiles it."""
+        found = self._load(signature, target_context)
+        if found is None:
+            self.when_missing()
+            found = self._load(signature, target_context)
+        return found
+
+    def save_overload(self, signature: Any, data: Any) -> None:
+        """Keep it if there is room; it works without."""
+        with contextlib.suppress(OSError):
+            try:
+                super().save_overload(signature, data)
+            except Exception:  # a damaged index can raise anything
+                self.flush()
+                super().save_overload(signature, data)
+
+    def _load(self, signature: Any, target_context: Any) -> Any:
+        try:
+            return super().load_overload(signature, target_context)
+        except Exception:  # a damaged file can raise anything; it is written anew
+            return None
+
+
+@contextmanager
+def _compiling(kernel: Any, folder: Path | None) -> Iterator[None]:
+    """Compile in the body: one process at a time, and saying so if it takes long."""
+    collecting = gc.isenabled()
+    gc.disable()  # a compiler makes little garbage and much that is looked through in vain: a tenth of the time
+    try:
+        with announced(kernel, folder), _locked(folder, kernel.py_func):
+            yield
+    finally:
+        if collecting:
+            gc.enable()
+
+
+@contextmanager
+def _locked(folder: Path | None, function: Callable[..., object]) -> Iterator[None]:
+    """Hold a lock that ends with the process, however that ends; go on without where there are none."""
+    handle = None
+    with contextlib.suppress(OSError):
+        if folder is not None:
+            path = folder / f"{function.__module__}.{function.__name__}.lock"
+            handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            _wait_for(handle)
+    try:
+        yield
+    finally:
+        if handle is not None:
+            os.close(handle)
+
+
+def _wait_for(handle: int) -> None:
+    """Lock a file, unless that takes too long."""
+    deadline = time.monotonic() + _LONGEST_WAIT_S
+    while time.monotonic() < deadline:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        except BlockingIOError:
+            time.sleep(_POLL_S)
