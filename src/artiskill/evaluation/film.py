@@ -1,6 +1,6 @@
 """Films of episodes: played to the end, then drawn, robot and object as large as can be.
 
-Of several directions the one is taken in which the moved part, its handles, hands, robot and goal are seen best,
+Of several directions the one is taken in which object, moved part, handles, hands, robot and goal are seen best,
 which small pictures tell; from there the camera follows smoothly, without turning.
 """
 
@@ -46,7 +46,7 @@ _TRIAL_PX = 128, 96
 _HANDS = ("panda_hand", "panda_finger")
 _WALL = "wall"  # the link that a cabinet hangs on: it may leave the picture
 # shares of the picture: what something hidden counts as, four pixels of a trial, and what is seen well
-_HIDDEN, _ENOUGH = 3e-4, 0.06
+_HIDDEN, _ENOUGH = 3e-4, 0.1
 
 
 @dataclass(frozen=True)
@@ -204,11 +204,11 @@ def shown_points(scene: Scene, moments: Sequence[Snapshot]) -> list[np.ndarray]:
 
 def _outlines(scene: Scene) -> dict[int, np.ndarray]:
     """By body, the corners of the convex hull of what is drawn of it, in its frame."""
-    start, links = scene.index.object_bodies.start, scene.object.links
-    left_out = {start + number for number, link in enumerate(links) if link.name == _WALL}
+    first, last = scene.index.object_bodies.start, scene.index.object_bodies.stop
+    own = set(_object_bodies(scene))
     vertices: dict[int, list[np.ndarray]] = {}
     for body, visual in scene.visuals:
-        if body not in left_out and len(visual.mesh.vertices):
+        if (body in own or not first <= body < last) and len(visual.mesh.vertices):
             vertices.setdefault(body, []).append(visual.mesh.vertices)
     return {body: _hull_corners(np.concatenate(meshes)) for body, meshes in vertices.items()}
 
@@ -251,19 +251,25 @@ def _best(scene: Scene, target: str, moments: Sequence[Snapshot], films: Sequenc
 
 
 def _what_matters(scene: Scene, target: str) -> list[np.ndarray]:
-    """Numbers of the visuals that must be seen: what moves, its handles, hands, robot, and goal."""
+    """Numbers of the visuals that must be seen: the object, what moves, its handles, hands, robot, and goal."""
     bodies = np.array([body for body, _ in scene.visuals])
-    objects, robot = scene.index.object_bodies, scene.robot.bodies
-    if _is_free(scene):
-        moved = (bodies >= objects.start) & (bodies < objects.start + len(scene.object.links))
-    else:
-        moved = bodies == objects.start + scene.object.link_index(target)
-    handles = moved & np.array([is_handle_part(visual.part) for _, visual in scene.visuals])
+    robot = scene.robot.bodies
     number = {name: scene.model.body(name).id for name in (*robot, *(prop.body for prop in scene.props))}
+    whole = np.isin(bodies, _object_bodies(scene))
+    moved = bodies == scene.index.object_bodies.start + scene.object.link_index(target)
+    handles = moved & np.array([is_handle_part(visual.part) for _, visual in scene.visuals])
     hands = np.isin(bodies, [number[name] for name, part in robot.items() if part in _HANDS])
     goals = np.isin(bodies, [number[prop.body] for prop in scene.props if prop.motion != "free"])
-    groups = moved, handles, hands, np.isin(bodies, [number[name] for name in robot]), goals
+    groups = [whole, hands, np.isin(bodies, [number[name] for name in robot]), goals]
+    if not _is_free(scene):
+        groups += [moved, handles]
     return [np.flatnonzero(group) for group in groups if group.any()]
+
+
+def _object_bodies(scene: Scene) -> list[int]:
+    """Of the object's links, but not of a wall that it hangs on."""
+    first = scene.index.object_bodies.start
+    return [first + number for number, link in enumerate(scene.object.links) if link.name != _WALL]
 
 
 def _is_free(scene: Scene) -> bool:
