@@ -1,75 +1,89 @@
-"""Make the README's moving picture and the tasks' strips anew: `python tools/make_pictures.py`.
+"""Make the README's film and the strips of tasks and demonstrations anew: `python tools/make_pictures.py`.
 
 They are small: pages should load fast.
 """
 
 import re
-import tempfile
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageSequence
+from PIL import Image
 
+from artiskill.demos.demo_pack import load_demo_pack
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.evaluation.plan import make_plan
+from artiskill.evaluation.demo_pictures import picture_demos
+from artiskill.evaluation.episodes import run_episode
+from artiskill.evaluation.film import LAST_FRAME_S, Film, draw_instants
 from artiskill.evaluation.policies import load_policy
-from artiskill.evaluation.recording import record_video
+from artiskill.evaluation.scene_pictures import PictureStyle
 from artiskill.evaluation.video import write_video
 
 OBJECTS = ("cabinet-0003", "cabinet-0005", "cabinet-0015")
-WIDTH, HEIGHT = 448, 336
-EVERY, FRAMES_PER_S = 2, 5
+WIDTH, HEIGHT = 640, 480  # as drawn; smaller in the files
+FILM_SIZE, EVERY, FRAMES_PER_S = (336, 252), 2, 5
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 OUT = IMAGES / "drawers.gif"
-# task -> an object that it has never trained on, and a level in which the camera sees well
+# task -> an object that it has never trained on, and a level
 STRIPS = {
     "OpenCabinetDrawer": ("cabinet-0005", 1),
     "OpenCabinetDoor": ("cabinet-0056", 0),
     "PushChair": ("chair-0029", 4),
     "MoveBucket": ("bucket-0004", 5),
 }
+# of the demo pack: docs/images/demos_<name>.jpg
+DEMOS = {
+    "chair": ("PushChair", "chair-0013"),
+    "door": ("OpenCabinetDoor", "cabinet-0006"),
+    "bucket": ("MoveBucket", "bucket-0014"),
+}
 STRIP_FRAMES, STRIP_SIZE = 4, (360, 270)
 
 
 def main() -> None:
-    """The film, then the strips."""
+    """The film, then the strips of tasks, then those of demonstrations."""
     make_film()
     for task, (object_id, level) in STRIPS.items():
         path = IMAGES / f"{re.sub('(?<!^)(?=[A-Z])', '_', task).lower()}.png"
         print(f"{path}: {make_strip(path, task, object_id, level)}")
+    for name, (task, object_id) in DEMOS.items():
+        with load_demo_pack(task).open(object_id) as file:
+            path = IMAGES / f"demos_{name}.jpg"
+            print(f"{path}: {picture_demos(path, file, PictureStyle(width=240, height=180), count=4)}")
+
+
+def play(task: str, object_id: str, level: int) -> tuple[ManipulationEnv, Film, str]:
+    """The expert's episode, and how it ended."""
+    env, film = ManipulationEnv(task, objects=object_id), Film(PictureStyle(width=WIDTH, height=HEIGHT))
+    result = run_episode(env, load_policy("expert"), level, film.watch)
+    return env, film, f"{result.length} steps, {'solved' if result.success else 'not solved'}"
 
 
 def make_strip(path: Path, task: str, object_id: str, level: int) -> str:
     """Pictures of the expert's episode side by side, evenly spaced; tells how it ended."""
-    env, expert = ManipulationEnv(task, objects=object_id, render_mode="rgb_array"), load_policy("expert")
-    observation, info = env.reset(seed=level)
-    expert.reset(env, observation, info)
-    frames, done = [env.render()], False
-    while not done:
-        observation, _, done, truncated, _ = env.step(expert.act(env, observation))
-        frames.append(env.render())
-        if truncated:
-            break
-    chosen = [frames[i] for i in np.linspace(0, len(frames) - 1, STRIP_FRAMES).astype(int)]
-    small = [np.asarray(Image.fromarray(f).resize(STRIP_SIZE, Image.Resampling.LANCZOS)) for f in chosen]
-    picture = Image.fromarray(np.concatenate(small, axis=1)).quantize(256, dither=Image.Dither.FLOYDSTEINBERG)
+    env, film, end = play(task, object_id, level)
+    chosen = [film.instants[k] for k in np.linspace(0, len(film.instants) - 1, STRIP_FRAMES).astype(int)]
+    style = PictureStyle(width=WIDTH, height=HEIGHT)
+    frames = draw_instants(env.task, env.scene, env.save_state().target, chosen, style)
+    picture = Image.fromarray(np.concatenate([smaller(frame, STRIP_SIZE) for frame in frames], axis=1))
     picture.save(path, optimize=True)
-    return f"{len(frames) - 1} steps, {'solved' if done else 'not solved'}"
+    return end
 
 
 def make_film() -> None:
-    """Record the expert on three test cabinets and shrink the film."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "episodes.webp"
-        record_video(make_plan("OpenCabinetDrawer", "expert", list(OBJECTS), episodes=1), path, count=len(OBJECTS))
-        with Image.open(path) as film:
-            frames = [
-                np.asarray(frame.convert("RGB").resize((WIDTH, HEIGHT), Image.Resampling.LANCZOS))
-                for i, frame in enumerate(ImageSequence.Iterator(film))
-                if i % EVERY == 0
-            ]
-    write_video(OUT, frames, FRAMES_PER_S)
+    """The expert on three test cabinets, the last frame of each for a second."""
+    frames = []
+    for object_id in OBJECTS:
+        _, film, end = play("OpenCabinetDrawer", object_id, 0)
+        drawn = film.draw()[: len(film.instants)]
+        frames += [*drawn[:-1:EVERY], *[drawn[-1]] * round(LAST_FRAME_S * FRAMES_PER_S)]
+        print(f"{object_id}: {end}")
+    write_video(OUT, [smaller(frame, FILM_SIZE) for frame in frames], FRAMES_PER_S)
     print(f"{OUT}: {len(frames)} frames, {OUT.stat().st_size / 1e6:.1f} MB")
+
+
+def smaller(frame: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """A frame scaled down."""
+    return np.asarray(Image.fromarray(frame).resize(size, Image.Resampling.LANCZOS))
 
 
 if __name__ == "__main__":

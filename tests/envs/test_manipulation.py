@@ -121,7 +121,11 @@ def test_illegal_actions(env: ManipulationEnv, action: object, says: str) -> Non
         ({"config": [1]}, ConfigError, "mapping"),
         ({"config": {"initial.heading_noise_rad": -1}}, ConfigError, "negative"),
         ({"config": {"initial.robot_circle_radius_m": [1, float("inf")]}}, ConfigError, "range"),
-        ({"config": {"initial.robot_circle_center_m": [float("nan"), 0]}}, ConfigError, "2 numbers"),
+        (
+            {"config": {"initial.robot_circle_center_m": [float("nan"), 0]}},
+            ConfigError,
+            "a number was expected, not nan",
+        ),
         ({"config": {"initial.lift_m": 9}}, ConfigError, "lift_m"),
         ({"config": {"initial.joint_damping": [-2, 5]}}, ConfigError, "at least 0"),
         ({"config": {"success.hold_s": float("inf")}}, ConfigError, "finite"),
@@ -129,7 +133,7 @@ def test_illegal_actions(env: ManipulationEnv, action: object, says: str) -> Non
         ({"config": {"physics.contact.impratio": -1}}, ConfigError, "impratio"),
         ({"config": {"physics.contact.impedance": [2, 3, 0, 0, 0]}}, ConfigError, "d_min"),
         ({"config": {"physics.gravity_m_s2": float("nan")}}, ConfigError, "gravity"),
-        ({"config": {"reward.weights.opening": float("nan")}}, ConfigError, "finite"),
+        ({"config": {"reward.weights.opening": float("nan")}}, ConfigError, "a number was expected, not nan"),
     ],
 )
 def test_illegal_constructions(kwargs: dict, error: type[ArtiSkillError], says: str) -> None:

@@ -13,8 +13,10 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import PolicyError
 from artiskill.evaluation.episodes import EpisodeResult, run_episode
 from artiskill.evaluation.evaluate import evaluate
-from artiskill.evaluation.policies import StillActor
+from artiskill.evaluation.film import Film
+from artiskill.evaluation.policies import StillActor, load_policy
 from artiskill.evaluation.report_files import write_report
+from artiskill.evaluation.scene_pictures import PictureStyle
 
 TASK, OBJECT = "OpenCabinetDrawer", "cabinet-0005"
 # too long a step for this integrator: whoever moves in it makes the physics run away
@@ -100,3 +102,13 @@ def test_an_experts_arithmetic_is_a_fault_and_a_solutions_is_its_own() -> None:
         PolicyError, match=r"LinAlgError: SVD did not converge \(object cabinet-0005, level 0, step 0"
     ):
         evaluate(TASK, policy, OBJECT, 1)
+
+
+def test_an_episode_that_diverges_can_be_filmed() -> None:
+    env = ManipulationEnv(TASK, OBJECT, config=FRAGILE)
+    film = Film(PictureStyle(width=96, height=72))
+    actor = load_policy(WildAtOneLevel())
+    assert run_episode(env, actor, WILD_LEVEL, film.watch).fault
+    frames = film.draw()
+    assert frames[-1].shape == (72, 96, 3)
+    assert len({frame.tobytes() for frame in frames}) > 1

@@ -175,3 +175,26 @@ def test_pixels_are_the_golden_ones(little_scene, renderer, scene):
     camera = little_scene.camera if scene == "little" else inside
     images = renderer.render(little_scene.positions_w, little_scene.quaternions_w, [camera], CHANNELS)
     assert {channel: digest(images[channel]) for channel in CHANNELS} == GOLDEN[scene]
+
+
+def state_of(part: object) -> object:
+    """Everything that can be reached from an object of ours, arrays as their place in memory and their bytes."""
+    if isinstance(part, np.ndarray):
+        return id(part), part.shape, part.tobytes()
+    if isinstance(part, tuple | list):
+        return [state_of(one) for one in part]
+    if isinstance(part, dict):
+        return {key: state_of(value) for key, value in part.items()}
+    if type(part).__module__.startswith("artiskill"):
+        return state_of(vars(part))
+    return id(part)
+
+
+@pytest.mark.parametrize("quality", ["fast", "picture"])
+def test_drawing_changes_nothing_of_a_renderer(little_scene, quality):
+    """So that any number of threads may share one: what is drawn on belongs to the thread."""
+    renderer = Renderer(little_scene.visuals, load_render_config(quality))
+    before = state_of(renderer)
+    images = renderer.render(little_scene.positions_w, little_scene.quaternions_w, [little_scene.camera], CHANNELS)
+    assert images.rgb.any()
+    assert state_of(renderer) == before

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from artiskill.errors import ConfigError
-from artiskill.sensors.framing import framing_camera, orbit_camera
+from artiskill.sensors.framing import following_cameras, framing_camera, orbit_camera
 
 
 def projected(camera, points_w):
@@ -65,3 +65,33 @@ def test_bad_viewpoints_are_named(change, message):
     }
     with pytest.raises(ConfigError, match=message):
         orbit_camera(**{**legal, **change})
+
+
+@pytest.mark.parametrize("calm_frames", [0, 4])
+@pytest.mark.parametrize("free_below", [0.0, 0.15])
+def test_followers_see_every_frame_and_move_smoothly(rng, calm_frames, free_below):
+    """Of points that jump about at random; the lower edge stays free."""
+    shape = rng.normal(size=(30, 3))
+    frames = [shape * rng.uniform(0.4, 1.0) + rng.normal(size=3) for _ in range(40)]
+    cameras = following_cameras(
+        frames, 200.0, 20.0, 160, 120, 40.0, free_below=free_below, calm_frames=calm_frames
+    )
+    for camera, points in zip(cameras, frames, strict=True):
+        places, depth = projected(camera, points)
+        assert (np.abs(places) < 1.0).all()
+        assert places[:, 1].max() < 1.0 - 2.0 * free_below
+        assert depth.min() > camera.near_m
+    path = np.array([camera.position_w for camera in cameras])
+    turns = np.linalg.norm(np.diff(path, n=2, axis=0), axis=1).max()
+    assert turns < 0.5 if calm_frames else turns > 2.0
+
+
+def test_a_follower_without_calm_is_the_nearest_camera_of_its_frame(rng):
+    frames = [rng.normal(size=(20, 3)) + k for k in range(3)]
+    for camera, points in zip(following_cameras(frames, 30.0, 10.0, 64, 48), frames, strict=True):
+        np.testing.assert_array_equal(camera.position_w, framing_camera(points, 30.0, 10.0, 64, 48).position_w)
+
+
+def test_no_more_than_half_the_picture_stays_free():
+    with pytest.raises(ConfigError, match="free share"):
+        following_cameras([np.zeros((1, 3))], 0.0, 0.0, 8, 8, free_below=0.6)

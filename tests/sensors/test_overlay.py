@@ -35,3 +35,11 @@ def test_nearer_points_cover_farther_ones() -> None:
 
 def test_an_empty_cloud_is_an_empty_picture() -> None:
     assert (draw_points(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), CAMERA) == 255).all()
+
+
+def test_points_before_the_lens_stay_small() -> None:
+    """Thousands of them are painted in a moment; without a bound they would take minutes."""
+    camera = Camera.look_at((0, 0, 0), (1, 0, 0), width=640, height=480, near_m=0.02)
+    points = np.full((5000, 3), (0.025, 0.0, 0.0))
+    picture = draw_points(points, np.zeros((5000, 3), dtype=np.uint8), camera)
+    assert (picture == 0).all(axis=-1).sum() == 25**2

@@ -58,14 +58,14 @@ class Viewpoint:
 
 
 class WorldView:
-    """Draws one scene from a fixed camera; built once per object."""
+    """Draws one scene from outside; built once per object."""
 
-    def __init__(self, scene: Scene, camera: Camera, config: RenderConfig | None = None) -> None:
+    def __init__(self, scene: Scene, camera: Camera | None, config: RenderConfig | None = None) -> None:
         """Build the renderer.
 
         Args:
             scene: what is drawn.
-            camera: from where.
+            camera: from where; None where each picture says it.
             config: how; by default as pictures for people.
         """
         visuals = [BodyVisual(body, visual) for body, visual in scene.visuals]
@@ -76,8 +76,19 @@ class WorldView:
         """One environment of a snapshot, (H, W, 3) uint8."""
         return self.images(snapshot, ("rgb",), row).rgb[0]
 
-    def images(self, snapshot: Snapshot, channels: tuple[str, ...], row: int = 0) -> Images:
-        """Channels of one environment's picture, see `sensors.images.CHANNELS`; (1, H, W, ...) each."""
+    def images(
+        self, snapshot: Snapshot, channels: tuple[str, ...], row: int = 0, camera: Camera | None = None
+    ) -> Images:
+        """Channels of one environment's picture, see `sensors.images.CHANNELS`; (1, H, W, ...) each.
+
+        Args:
+            snapshot: the moment.
+            channels: which.
+            row: the environment.
+            camera: from where; None for the camera that the view was built with.
+        """
+        camera = camera or self._camera
+        assert camera is not None, "a picture needs a camera"
         return self._renderer.render(
-            snapshot.body_position_w[row], snapshot.body_quaternion_w[row], (self._camera,), channels
+            snapshot.body_position_w[row], snapshot.body_quaternion_w[row], (camera,), channels
         )

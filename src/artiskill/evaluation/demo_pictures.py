@@ -9,11 +9,10 @@ from artiskill.config import check
 from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.trajectory import Trajectory
 from artiskill.envs.observation import Instant
+from artiskill.evaluation.film import draw_instants
 from artiskill.evaluation.pictures import check_picture, write_picture
-from artiskill.evaluation.scene_pictures import PictureStyle, ScenePainter
-from artiskill.evaluation.video import caption
+from artiskill.evaluation.scene_pictures import PictureStyle
 from artiskill.geometry.rotations import quat_to_matrix
-from artiskill.scene.cache import cached_scene
 from artiskill.sensors.sheet import below, beside
 
 _SAMPLES = 10  # of a trajectory, when it is compared with others
@@ -85,17 +84,15 @@ def _way(trajectory: Trajectory) -> np.ndarray:
 def _strip(
     trajectory: Trajectory, file: DemoFile, obj: ArticulatedObject, style: PictureStyle, moments: int
 ) -> np.ndarray:
-    """Moments of a demonstration side by side; it is simulated once more."""
+    """Moments of a demonstration side by side, from one direction; it is simulated once more."""
     env = file.make_env(obj=obj)
-    scene = cached_scene(env.task.robot, obj, env.task.physics, env.task.props)
-    painter = ScenePainter(env.task, scene, trajectory.target, style)
     env.reset(options={"level": trajectory.level, "object": obj, "target": trajectory.target})
-    steps, pictures = np.linspace(0, len(trajectory), moments).astype(int), []
-    for step in range(len(trajectory) + 1):
-        if step:
-            env.step(trajectory.actions[step - 1])
+    steps = np.linspace(0, len(trajectory), moments).astype(int).tolist()
+    instants = [Instant(env.snapshot, env.goal, 0, trajectory.level, 0)]
+    for step, action in enumerate(trajectory.actions, start=1):
+        env.step(action)
         if step in steps:
-            picture = painter.draw(Instant(env.snapshot, env.goal, 0, trajectory.level, step))
-            seconds = step * env.snapshot.step_s
-            pictures.append(caption(picture, f"level {trajectory.level}, {trajectory.target}, {seconds:.1f} s"))
-    return beside(pictures)
+            instants.append(Instant(env.snapshot, env.goal, 0, trajectory.level, step))
+    seconds = [instant.elapsed * env.snapshot.step_s for instant in instants]
+    captions = [f"level {trajectory.level}, {trajectory.target}, {time_s:.1f} s" for time_s in seconds]
+    return beside(list(draw_instants(env.task, env.scene, trajectory.target, instants, style, captions)))

@@ -16,19 +16,13 @@ from artiskill.envs.observation import Instant
 from artiskill.envs.rendering import HEIGHT, WIDTH, Viewpoint
 from artiskill.errors import ConfigError, shown
 from artiskill.evaluation.episodes import play_steps, run_episode
+from artiskill.evaluation.film import FRAMES_PER_S, LAST_FRAME_S, Film, draw_instants
 from artiskill.evaluation.policies import load_policy
-from artiskill.evaluation.recording import (
-    FRAMES_PER_S,
-    LAST_FRAME_S,
-    STEPS_PER_FRAME,
-    check_video,
-    episode_caption,
-)
+from artiskill.evaluation.recording import check_video
 from artiskill.evaluation.report_files import check_folder
-from artiskill.evaluation.scene_pictures import PictureStyle, ScenePainter, check_size
-from artiskill.evaluation.video import caption, write_video
+from artiskill.evaluation.scene_pictures import PictureStyle, check_size
+from artiskill.evaluation.video import write_video
 from artiskill.jobs.whole_files import output_path, whole_file
-from artiskill.scene.cache import cached_scene
 from artiskill.sensors.object_picture import AZIMUTH_DEG, CLOSED, ELEVATION_DEG, ObjectView
 from artiskill.sensors.render_config import RenderConfig
 from artiskill.tasks.levels import check_level
@@ -111,19 +105,11 @@ def picture_episode(path: Path | str, episode: EpisodeChoice, style: PictureStyl
     )
     if not moving or actor is None:
         play_steps(env, actor, level, step)
-        return write_picture(path, _painter(env, obj, style).draw(_instant(env, level, step)))
-    frames: list[np.ndarray] = []
-    painters: list[ScenePainter] = []
-
-    def watch(env: ManipulationEnv, steps: int, done: bool) -> None:
-        if not painters:  # the level has drawn its target by now
-            painters.append(_painter(env, obj, style))
-        if done or steps % STEPS_PER_FRAME == 0:
-            picture = painters[0].draw(_instant(env, level, steps))
-            frames.append(caption(picture, episode_caption(env, done)))
-
-    run_episode(env, actor, level, watch)
-    return _write_frames(path, frames + [frames[-1]] * round(LAST_FRAME_S * FRAMES_PER_S))
+        instants = [Instant(env.snapshot, env.goal, 0, level, step)]
+        return write_picture(path, *draw_instants(env.task, env.scene, env.save_state().target, instants, style))
+    film = Film(style)
+    run_episode(env, actor, level, film.watch)
+    return _write_frames(path, film.draw())
 
 
 def picture_object(
@@ -203,12 +189,3 @@ def _one_object(given: str | ArticulatedObject, task: str) -> ArticulatedObject:
     if len(found) != 1:
         raise ConfigError(f"a picture shows one object, not {shown(given)}, which names {len(found)}")
     return load_object(found[0]) if isinstance(found[0], str) else found[0]
-
-
-def _painter(env: ManipulationEnv, obj: ArticulatedObject, style: PictureStyle) -> ScenePainter:
-    scene = cached_scene(env.task.robot, obj, env.task.physics, env.task.props)
-    return ScenePainter(env.task, scene, env.save_state().target, style)
-
-
-def _instant(env: ManipulationEnv, level: int, steps: int) -> Instant:
-    return Instant(env.snapshot, env.goal, 0, level, steps)

@@ -2,33 +2,20 @@
 
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError, shown
 from artiskill.evaluation.episodes import run_episode
 from artiskill.evaluation.evaluate import BatchJob, check_workers, run_batches
+from artiskill.evaluation.film import FRAMES_PER_S, Film, FrameDrawn
 from artiskill.evaluation.plan import Plan
 from artiskill.evaluation.report_files import check_folder
-from artiskill.evaluation.video import caption, write_video
+from artiskill.evaluation.scene_pictures import PictureStyle
+from artiskill.evaluation.video import write_video
 from artiskill.jobs.whole_files import output_path
-from artiskill.tasks.open_cabinet.goal import OpenGoal
-
-STEPS_PER_FRAME = 2
-FRAMES_PER_S = 10.0  # with 20 environment steps per second, as fast as life
-LAST_FRAME_S = 1.0
-
-
-@dataclass(frozen=True)
-class FrameDrawn:
-    """News of a recording: how far its episode has come, in environment steps."""
-
-    steps: int
-    done: bool
 
 
 def record_video(
@@ -48,7 +35,7 @@ def record_video(
         path: ends in .gif, .webp or .mp4.
         count: how many objects; at most all of the plan.
         workers: processes that draw.
-        on_frame: called after each frame.
+        on_frame: called after each frame; an episode is played before it is drawn.
         step_timeout_s: for each action, as in `evaluate`.
 
     Raises:
@@ -84,25 +71,6 @@ def check_video(path: Path | str, count: int = 1) -> None:
 
 
 def _record(job: BatchJob, tell: Callable[[Any], None]) -> list[np.ndarray]:
-    frames: list[np.ndarray] = []
-
-    def watch(env: ManipulationEnv, steps: int, done: bool) -> None:
-        if done or steps % STEPS_PER_FRAME == 0:
-            frames.append(caption(env.render(), episode_caption(env, done)))
-            tell(FrameDrawn(steps, done))
-
-    run_episode(job.batch.make_env("rgb_array"), job.load_policy(tell), job.batch.levels[0], watch)
-    return frames + [frames[-1]] * round(LAST_FRAME_S * FRAMES_PER_S)
-
-
-def episode_caption(env: ManipulationEnv, done: bool) -> str:
-    """Object, target, how far open, and how it ended."""
-    state = env.save_state()
-    parts = [state.object, state.target]
-    goal = env.goal
-    if isinstance(goal, OpenGoal):
-        opened = (env.snapshot.object_qpos[0, goal.joint[0]] - goal.lower[0]) / (goal.upper[0] - goal.lower[0])
-        parts.append(f"{round(100 * max(0.0, opened))} % open")  # a closed drawer gives a little: no "-0 %"
-    if done:
-        parts.append("success" if state.streaks.min() >= env.task.hold_steps else "not solved")
-    return "  ·  ".join(parts)
+    film = Film(PictureStyle())
+    run_episode(job.batch.make_env(), job.load_policy(tell), job.batch.levels[0], film.watch)
+    return film.draw(tell)

@@ -9,6 +9,7 @@ from artiskill.envs.rendering import HEIGHT, WIDTH, Viewpoint, WorldView
 from artiskill.envs.vision import PointCloudObserver
 from artiskill.errors import ConfigError, UnknownNameError
 from artiskill.scene.scene import Scene
+from artiskill.sensors.camera import Camera
 from artiskill.sensors.framing import WorldCameraConfig
 from artiskill.sensors.overlay import draw_points, paint_depth, paint_masks
 from artiskill.sensors.render_config import RenderConfig
@@ -75,51 +76,51 @@ class ScenePainter:
     """Draws one scene and target, in any state."""
 
     def __init__(self, task: Task, scene: Scene, target: str, style: PictureStyle) -> None:
-        """Build what does not depend on the state.
-
-        Raises:
-            ConfigError: a size or viewpoint out of range.
-        """
+        """Build what does not depend on the state."""
         self._style = style
-        self._camera = style.viewpoint.camera(task.world_camera, *style.size)
-        self._world = WorldView(scene, self._camera, style.look)
+        self._world = WorldView(scene, None, style.look)
         self._codes = mask_codes(task.masks(scene, target))
         self._mask_count = len(task.mask_names)
         self._image_shape = task.cameras.number, task.cameras.height, task.cameras.width
         self._observer = PointCloudObserver(task)
         self._observer.enter(scene, target)
 
-    def draw(self, instant: Instant) -> np.ndarray:
-        """The picture, (H, W, 3) uint8."""
+    def draw(self, instant: Instant, camera: Camera | None = None) -> np.ndarray:
+        """The picture, (H, W, 3) uint8; all views but `sensor` need a camera."""
         view, masks = self._style.view, self._style.masks
-        if view == "world":
-            return self._draw_world(instant, masks)
-        observation = empty_observation(self._observer.space)
-        info = self._observer.observe(instant, observation)
-        cloud = observation["pointcloud"]
         if view == "sensor":
-            return self._draw_strip(cloud, masks)
+            return self._draw_strip(self._see(instant)[0], masks)
+        assert camera is not None, "views from outside need a camera"
+        if view == "world":
+            return self._draw_world(instant, camera, masks)
+        cloud, world_to_camera = self._see(instant)
         if view == "cloud":
-            return self._draw_cloud(cloud, masks)
-        upper = beside([self._draw_world(instant, masks), self._draw_cloud(cloud, True)])
-        depth = self._draw_depth(cloud, info["cameras"]["world_to_camera"])
+            return self._draw_cloud(cloud, camera, masks)
+        upper = beside([self._draw_world(instant, camera, masks), self._draw_cloud(cloud, camera, True)])
+        depth = self._draw_depth(cloud, world_to_camera)
         strips = [self._draw_strip(cloud, False), self._draw_strip(cloud, True), depth]
         return below([upper, *(of_width(strip, upper.shape[1]) for strip in strips)])
 
-    def _draw_world(self, instant: Instant, masks: bool) -> np.ndarray:
-        images = self._world.images(instant.snapshot, ("rgb", "geom") if masks else ("rgb",))
+    def _see(self, instant: Instant) -> tuple[dict[str, np.ndarray], np.ndarray]:
+        """What the robot's cameras see, as a full cloud, and (C, 4, 4) world to camera."""
+        observation = empty_observation(self._observer.space)
+        info = self._observer.observe(instant, observation)
+        return observation["pointcloud"], info["cameras"]["world_to_camera"]
+
+    def _draw_world(self, instant: Instant, camera: Camera, masks: bool) -> np.ndarray:
+        images = self._world.images(instant.snapshot, ("rgb", "geom") if masks else ("rgb",), camera=camera)
         if not masks:
             return images.rgb[0]
         codes = self._codes[images.geom[0] - FIRST_ID]
         seg = (codes[..., None] >> np.arange(self._mask_count, dtype=np.uint8)) & 1
         return paint_masks(images.rgb[0], seg.astype(bool), opacity=0.5)
 
-    def _draw_cloud(self, cloud: dict[str, np.ndarray], masks: bool) -> np.ndarray:
+    def _draw_cloud(self, cloud: dict[str, np.ndarray], camera: Camera, masks: bool) -> np.ndarray:
         seen = cloud["xyz"].any(axis=1)
         colours = cloud["rgb"][seen]
         if masks:
             colours = paint_masks(colours, cloud["seg"][seen])
-        return draw_points(cloud["xyz"][seen], colours, self._camera, _POINT_RADIUS_M)
+        return draw_points(cloud["xyz"][seen], colours, camera, _POINT_RADIUS_M)
 
     def _draw_strip(self, cloud: dict[str, np.ndarray], masks: bool) -> np.ndarray:
         """The cameras' pictures from left to right: a full cloud has a point per pixel."""

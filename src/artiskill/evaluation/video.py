@@ -67,8 +67,7 @@ def caption(frame: np.ndarray, text: str) -> np.ndarray:
     Text too wide for the picture is set smaller, down to a legible size, and then cut.
     """
     image = Image.fromarray(frame)
-    size = max(_CAPTION_MIN_PX, round(_CAPTION_SHARE * frame.shape[0]))
-    margin = size // 2
+    size, margin = _caption_size(frame.shape[0])
     room = frame.shape[1] - 2 * margin
     font = ImageFont.load_default(size)
     while font.getlength(text) > room and size > _CAPTION_MIN_PX:
@@ -85,6 +84,18 @@ def caption(frame: np.ndarray, text: str) -> np.ndarray:
     place = margin, frame.shape[0] - margin - size // 2
     ImageDraw.Draw(image).text(place, text, font=font, fill=(245, 245, 242), anchor="lm")
     return np.asarray(image)
+
+
+def caption_share(height: int) -> float:
+    """The share of a picture of so many pixels that its caption takes up at the lower edge, half of it at most."""
+    size, margin = _caption_size(height)
+    return min((size + 2 * margin) / height, 0.5)
+
+
+def _caption_size(height: int) -> tuple[int, int]:
+    """Pixels of the letters, before they may have to be smaller, and of the margin above and below them."""
+    size = max(_CAPTION_MIN_PX, round(_CAPTION_SHARE * height))
+    return size, size // 2
 
 
 def _checked(frames: Sequence[np.ndarray]) -> np.ndarray:

@@ -1,10 +1,12 @@
 """Cameras for pictures: placed by angles about a point, near enough that what is to be seen fills the picture."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from artiskill.config import check, check_value, check_vector
 from artiskill.sensors.camera import Camera
@@ -86,23 +88,80 @@ def framing_camera(
     Raises:
         ConfigError: a value out of range or not finite.
     """
+    return following_cameras([points_w], azimuth_deg, elevation_deg, width, height, fov_deg)[0]
+
+
+def following_cameras(
+    points_w: Sequence[np.ndarray],
+    azimuth_deg: float,
+    elevation_deg: float,
+    width: int,
+    height: int,
+    fov_deg: float = 45.0,
+    *,
+    free_below: float = 0.0,
+    calm_frames: int = 0,
+) -> list[Camera]:
+    """A camera for each frame of a film that sees all points of its frame, and moves smoothly without turning.
+
+    What the camera must see is, in each frame, all of so many frames around it; the mean of such demands over as
+    many frames is met in the middle one of them.
+
+    Args:
+        points_w: of each frame (N, 3) with N >= 1, metres.
+        azimuth_deg: as in `framing_camera`, as all that follow.
+        elevation_deg: .
+        width: pixels.
+        height: pixels.
+        fov_deg: .
+        free_below: share of the picture's height, [0, 0.5], that is left free at its lower edge: for a caption.
+        calm_frames: how many frames before and after matter; 0 for the nearest camera of each frame.
+
+    Raises:
+        ConfigError: a value out of range or not finite.
+    """
+    check(0 <= free_below <= 0.5, f"the free share of the picture must lie in [0, 0.5], not {free_below}")
     backward = _direction(azimuth_deg, elevation_deg)
     lens = _lens(width, height, fov_deg)
     axes = Camera.look_at(backward, np.zeros(3), **lens).rotation_w  # columns right, up, backward
-    right, up, depth = (points_w @ axes * (1.0, 1.0, -1.0)).T
-    slope = math.tan(math.radians(fov_deg) / 2) * (1.0 - _MARGIN)
-    x, nearest_x = _fit_axis(right, depth, slope * width / height)
-    y, nearest_y = _fit_axis(up, depth, slope)
-    nearest = min(nearest_x, nearest_y, float(depth.min()) - 2 * _NEAR_M)
-    eye = axes @ np.array((x, y, -nearest))
-    far = max(FAR_M, 2.0 * (float(depth.max()) - nearest))
-    return Camera(eye, axes, far_m=far, **lens)
+    above = math.tan(math.radians(fov_deg) / 2) * (1.0 - _MARGIN)
+    side = above * width / height
+    slopes = np.array((side, side, above, above * (1.0 - 2.0 * free_below)))
+    demands = np.array([_demands(points @ axes * (1.0, 1.0, -1.0), slopes) for points in points_w])
+    cameras = []
+    for *planes, depth, behind in _calmed(demands, slopes, calm_frames).tolist():
+        right, left, top, bottom = (plane + slope * depth for plane, slope in zip(planes, slopes, strict=True))
+        eye = axes @ np.array(((right - left) / 2, (top - bottom) / 2, -depth))
+        cameras.append(Camera(eye, axes, far_m=max(FAR_M, 2.0 * (behind - depth)), **lens))
+    return cameras
 
 
-def _fit_axis(place: np.ndarray, depth: np.ndarray, slope: float) -> tuple[float, float]:
-    """Where the camera must stand along one image axis, and how deep at most, to see all points."""
-    high, low = float((place - slope * depth).max()), float((-place - slope * depth).max())
-    return (high - low) / 2, -(high + low) / (2 * slope)
+def _demands(points: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+    """What a camera must satisfy to see all points (N, 3) of right, up and depth: (6,), greater is stricter.
+
+    The planes to the right, left, top and bottom through the eye open by `slopes`; the first four numbers say
+    where they must be at depth 0. Then how near the points come, negated, and how far they go.
+    """
+    right, up, depth = points.T
+    places = (right, -right, up, -up)
+    planes = [float((place - slope * depth).max()) for place, slope in zip(places, slopes, strict=True)]
+    return np.array((*planes, -float(depth.min()), float(depth.max())))
+
+
+def _calmed(demands: np.ndarray, slopes: np.ndarray, frames: int) -> np.ndarray:
+    """Planes, the greatest depth of the eye that they allow, and the farthest depth, smooth over time: (T, 6).
+
+    Running means, by a Hann window, of what running maxima ask for. The planes' means allow the depth's mean,
+    because it is concave in them.
+    """
+    window = 2 * frames + 1
+    padded = np.pad(demands, ((2 * frames, 2 * frames), (0, 0)), mode="edge")
+    bounds = sliding_window_view(padded, window, axis=0).max(axis=-1)
+    pairs = bounds[:, 0:4:2] + bounds[:, 1:4:2]
+    depths = np.minimum(-(pairs / (slopes[::2] + slopes[1::2])).max(axis=1), -bounds[:, 4] - 2 * _NEAR_M)
+    wanted = np.column_stack((bounds[:, :4], depths, bounds[:, 5]))
+    weights = np.hanning(window + 2)[1:-1]
+    return (sliding_window_view(wanted, window, axis=0) * (weights / weights.sum())).sum(axis=-1)
 
 
 def _direction(azimuth_deg: float, elevation_deg: float) -> np.ndarray:

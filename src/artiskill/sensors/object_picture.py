@@ -19,7 +19,7 @@ Fractions = float | Sequence[float] | np.ndarray
 
 
 class ObjectView:
-    """Draws one object; built once for several pictures of it. Call it from one thread at a time."""
+    """Draws one object; built once for several pictures of it."""
 
     def __init__(self, obj: ArticulatedObject, config: RenderConfig | None = None) -> None:
         """Build the renderer.

@@ -11,6 +11,7 @@ MASK_COLOURS = np.array(
 )
 _OPACITY = 0.7
 _GAMMA = 0.6  # spreads the near, which matters more
+_MOST_HALF_PX = 12  # of a square: a point before the lens shall not cover the picture, nor take minutes
 
 
 def paint_masks(rgb: np.ndarray, seg: np.ndarray, opacity: float = _OPACITY) -> np.ndarray:
@@ -38,7 +39,7 @@ def draw_points(
         xyz_w: (N, 3) world.
         rgb: (N, 3) uint8.
         camera: where it is looked at from.
-        radius_m: half the side of a square; it covers at least its own pixel.
+        radius_m: half the side of a square; it covers at least its own pixel, and no more than 25 each way.
         background: grey level.
 
     Returns:
@@ -52,7 +53,7 @@ def draw_points(
     column, row = (
         (camera.focal_px * in_camera[visible, :2] / depth[visible, None]) + (camera.width / 2, camera.height / 2)
     ).T
-    half = np.maximum(0, np.round(camera.focal_px * radius_m / depth[visible])).astype(int)
+    half = np.clip(np.round(camera.focal_px * radius_m / depth[visible]), 0, _MOST_HALF_PX).astype(int)
     most = int(half.max(initial=0))
     # squares grow from far to near, so painting them size by size keeps nearer ones on top
     for reach in range(most + 1):

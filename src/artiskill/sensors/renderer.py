@@ -1,6 +1,7 @@
 """`Renderer`: a scene's surfaces, poses of its bodies and cameras to images."""
 
 import math
+import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -27,7 +28,7 @@ __all__ = ("CHANNELS", "Images", "Renderer")
 
 
 class Renderer:
-    """Draws one scene in any state."""
+    """Draws one scene in any state; any number of threads may use one: what they write to is their own."""
 
     def __init__(self, visuals: Sequence[BodyVisual], config: RenderConfig) -> None:
         """Build what does not depend on the state.
@@ -45,6 +46,7 @@ class Renderer:
         self._lights = lights(config)
         self._plain_colours = plain_colours(self._lights)
         self._pool: ThreadPoolExecutor | None = None
+        self._pool_lock = threading.Lock()
         self._pool_size = 0
         self._picture: PictureShader | None = None
         if config.quality == "picture":
@@ -196,13 +198,13 @@ class Renderer:
             positions, rotations = poses.positions[env], poses.rotations[env]
             if k % cameras == 0:
                 transform_vertices(self.soup.vertices, self.soup.vertex_pose, rotations, positions, world)
-                picture.draw_shadow_maps(world)
+                maps = picture.draw_shadow_maps(world)
             lens = views.lenses[k] * np.array([samples, samples, samples, 1.0, 1.0])
             view = View(views.positions[k], views.rotations[k], lens)
             pose = positions, rotations
             backdrop = draw_view(self._tables, *pose, view, self.config.floor.enabled, drawing, scratch)
             fill_rest(backdrop, drawing.inverse_depth, drawing.triangle, drawing.drawn)
-            picture.shade(surfaces(self.soup, world, rotations), view, samples, drawing.triangle, rgb[k])
+            picture.shade(surfaces(self.soup, world, rotations), view, maps, samples, drawing.triangle, rgb[k])
 
     def _poses_of_one(self, body_positions_w: Any, body_quaternions_w: Any) -> Poses:
         """Checked poses of one state, (N, 3) and (N, 4)."""
@@ -230,10 +232,11 @@ class Renderer:
         return poses
 
     def _workers(self, threads: int) -> ThreadPoolExecutor:
-        if self._pool is None or self._pool_size < threads - 1:
-            self._pool_size = threads - 1
-            self._pool = ThreadPoolExecutor(self._pool_size, thread_name_prefix="artiskill-render")
-        return self._pool
+        with self._pool_lock:
+            if self._pool is None or self._pool_size < threads - 1:
+                self._pool_size = threads - 1
+                self._pool = ThreadPoolExecutor(self._pool_size, thread_name_prefix="artiskill-render")
+            return self._pool
 
 
 def _batch_views(

@@ -1,13 +1,16 @@
 """What drawing needs besides its inputs: each thread has its own for all scenes, which stays in near memory."""
 
 import threading
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from artiskill.geometry.kernel import Array, kernel
 from artiskill.sensors.lanes import LANES
+from artiskill.sensors.samples import Samples, allocate_samples
 from artiskill.sensors.scene_tables import SceneTables
+from artiskill.sensors.shadow import ShadowBuffers
 
 # rows of all views that are finished together; few enough for their colours and depths to stay in near memory
 BAND_ROWS = 16
@@ -82,18 +85,56 @@ class Scratch(NamedTuple):
     rgb: Array
 
 
-_kept = threading.local()
+class _Kept(threading.local):
+    """What the calling thread keeps from one drawing to the next."""
+
+    def __init__(self) -> None:
+        self.scratches: dict[tuple[int, int, int], Scratch] = {}
+        self.samples = allocate_samples(0)
+        self.projected = np.empty((0, 3))
+        self.heights: dict[tuple[int, int], np.ndarray] = {}
+        self.triangles: dict[int, np.ndarray] = {}
+
+
+_kept = _Kept()
 
 
 def thread_scratch(scene: SceneTables, views: int, height: int, width: int) -> Scratch:
     """The calling thread's scratch for so many views of a scene; it grows with the scenes."""
-    known: dict[tuple[int, int, int], Scratch] = _kept.__dict__.setdefault("scratches", {})
+    known = _kept.scratches
     scratch = known.get((views, height, width))
     if scratch is None or not _fits(scratch, scene):
         room = (0, 0, 0) if scratch is None else _room(scratch)
         sizes = map(max, _sizes(scene), room)
         known[views, height, width] = scratch = _allocate(views, height, width, *sizes)
     return scratch
+
+
+def thread_samples(count: int) -> Samples:
+    """The calling thread's shading samples, so many or more."""
+    if len(_kept.samples.pixel) < count:
+        _kept.samples = allocate_samples(count)
+    return _kept.samples
+
+
+def thread_shadow_buffers(sides: Sequence[int], vertices: int) -> list[ShadowBuffers]:
+    """The calling thread's buffers for shadow maps of so many texels a side, all valid together.
+
+    Args:
+        sides: one per map.
+        vertices: of the scene.
+    """
+    if len(_kept.projected) < vertices:
+        _kept.projected = np.empty((vertices, 3))
+    for number, side in enumerate(sides):
+        if (number, side) not in _kept.heights:
+            _kept.heights[number, side] = np.empty((side, side), dtype=np.float32)
+        if side not in _kept.triangles:
+            _kept.triangles[side] = np.empty((side, side), dtype=np.int32)
+    return [
+        ShadowBuffers(_kept.heights[number, side], _kept.triangles[side], _kept.projected)
+        for number, side in enumerate(sides)
+    ]
 
 
 def _sizes(scene: SceneTables) -> tuple[int, int, int]:

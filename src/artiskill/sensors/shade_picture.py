@@ -1,6 +1,7 @@
 """Pictures for people by deferred shading: soft shadows of sun and sky, textures, a tiled floor, smooth edges."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,7 +9,8 @@ from artiskill.geometry.kernel import Array, kernel
 from artiskill.sensors.lighting import Lights, Surfaces, View, irradiance, specular, tone_mapped, unit3
 from artiskill.sensors.point_lights import point_irradiance
 from artiskill.sensors.render_config import RenderConfig
-from artiskill.sensors.samples import Samples, accumulate_pixels, allocate_samples, collect_samples
+from artiskill.sensors.samples import Samples, accumulate_pixels, collect_samples
+from artiskill.sensors.scratch import thread_samples, thread_shadow_buffers
 from artiskill.sensors.shadow import ShadowMap, ShadowPass, add_visibility
 from artiskill.sensors.surface_attributes import surface_attributes
 from artiskill.sensors.surroundings import surroundings
@@ -19,8 +21,15 @@ _SKY_RING = 5
 _SKY_ELEVATION_RAD = math.radians(35)
 
 
+class ShadowMaps(NamedTuple):
+    """Of one state of a scene: of the sun, and of the directions that the sky's light comes from."""
+
+    sun: list[ShadowMap]
+    sky: list[ShadowMap]
+
+
 class PictureShader:
-    """Shades what was rasterised; keeps its buffers between pictures."""
+    """Shades what was rasterised. Any number of threads may use one: each writes to buffers of its own only."""
 
     def __init__(self, soup: TriangleSoup, light: Lights, config: RenderConfig) -> None:
         """Prepare for a scene."""
@@ -37,28 +46,35 @@ class PictureShader:
         if occlusion.enabled:
             for direction in _sky_directions():
                 self._sky_passes.append(ShadowPass(soup, direction, occlusion.resolution, occlusion.softness_m))
-        self._sun_maps: list[ShadowMap] = []
-        self._sky_maps: list[ShadowMap] = []
-        self._samples = allocate_samples(0)
+        self._map_sides = [one.resolution for one in (*self._sun_passes, *self._sky_passes)]
 
-    def draw_shadow_maps(self, world: np.ndarray) -> None:
-        """Renew the shadow maps for vertices (V, 3) in the world: once per state, for all cameras."""
-        self._sun_maps = [shadow_pass.draw(world) for shadow_pass in self._sun_passes]
-        self._sky_maps = [shadow_pass.draw(world) for shadow_pass in self._sky_passes]
+    def draw_shadow_maps(self, world: np.ndarray) -> ShadowMaps:
+        """The shadow maps for vertices (V, 3) in the world: once per state, for all cameras.
+
+        They are valid until the calling thread draws others, of whatever scene.
+        """
+        buffers = thread_shadow_buffers(self._map_sides, len(world))
+        passes = (*self._sun_passes, *self._sky_passes)
+        maps = [one.draw(world, into) for one, into in zip(passes, buffers, strict=True)]
+        return ShadowMaps(maps[: len(self._sun_passes)], maps[len(self._sun_passes) :])
 
     def shade(
-        self, surface: Surfaces, view: View, samples_per_axis: int, triangle: np.ndarray, rgb: np.ndarray
+        self,
+        surface: Surfaces,
+        view: View,
+        maps: ShadowMaps,
+        samples_per_axis: int,
+        triangle: np.ndarray,
+        rgb: np.ndarray,
     ) -> None:
         """Colour an image (H, W, 3) from triangle ids (s H, s W); `view` has its lens in units of samples."""
-        if len(self._samples.pixel) < triangle.size:
-            self._samples = allocate_samples(triangle.size)
-        q, light = self._samples, self._light
+        q, light = thread_samples(triangle.size), self._light
         count = collect_samples(triangle, samples_per_axis, q.pixel, q.triangle, q.screen, q.share)
         attributes = q.triangle, q.screen, q.place_w, q.normal_w, q.colour, q.shininess, q.haze
         surface_attributes(count, surface, view, light.decode, *attributes)
         surroundings(count, *view, light.floor, self._tiles, self._background, *attributes)
-        self._look_up(count, q, self._sun_maps, q.sunlit)
-        self._look_up(count, q, self._sky_maps, q.skylit)
+        self._look_up(count, q, maps.sun, q.sunlit)
+        self._look_up(count, q, maps.sky, q.skylit)
         geometry, visibility = (q.place_w, q.normal_w), (q.sunlit, q.skylit)
         illuminate(
             count, view.position, light, self._occlusion, *geometry, *visibility, q.shininess, q.haze, q.colour

@@ -35,8 +35,20 @@ class ShadowMap(NamedTuple):
     bias_m: float
 
 
+class ShadowBuffers(NamedTuple):
+    """What drawing a shadow map writes to.
+
+    `heights` (S, S) float32 is the map itself; `triangle` (S, S) int32 and `projected` (V or more, 3) float64 may
+    be those of other maps.
+    """
+
+    heights: Array
+    triangle: Array
+    projected: Array
+
+
 class ShadowPass:
-    """Draws shadow maps; keeps the buffers between pictures."""
+    """Draws shadow maps of a scene into the caller's buffers; never changes itself."""
 
     def __init__(self, soup: TriangleSoup, to_light: np.ndarray, resolution: int, softness_m: float) -> None:
         """Prepare for a scene.
@@ -51,23 +63,21 @@ class ShadowPass:
         casts = np.array([name != ROOM_WALL for name in soup.part_names], dtype=np.bool_)[soup.geom_part]
         self._faces = np.ascontiguousarray(soup.faces[casts[soup.face_geom]])
         self._casting = np.repeat(casts, np.diff(soup.geom_vertices))
-        self._resolution = resolution
+        self.resolution = resolution
         self._softness_m = softness_m
         self._axes = _frame_towards(to_light)
-        self._heights = np.empty((resolution, resolution), dtype=np.float32)
-        self._triangle = np.empty((resolution, resolution), dtype=np.int32)
-        self._projected = np.empty_like(soup.vertices)
 
-    def draw(self, world: np.ndarray) -> ShadowMap:
-        """The shadow map of the scene whose vertices (V, 3) stand at `world`; valid until the next call."""
-        self._heights.fill(-np.inf)  # what is nowhere shades nothing, however low it lies
+    def draw(self, world: np.ndarray, buffers: ShadowBuffers) -> ShadowMap:
+        """The shadow map of the scene whose vertices (V, 3) stand at `world`; it has the buffers' `heights`."""
+        heights = buffers.heights
+        heights.fill(-np.inf)  # what is nowhere shades nothing, however low it lies
         if len(self._faces) == 0:
-            return ShadowMap(np.zeros((3, 4)), self._heights, 1.0, 1, 0.0)
+            return ShadowMap(np.zeros((3, 4)), heights, 1.0, 1, 0.0)
         matrix, texel_m = self._fit(world[self._casting])
-        project_affine(world, matrix, self._projected)
-        draw_heights(self._projected, self._faces, self._heights, self._triangle)
+        project_affine(world, matrix, buffers.projected)
+        draw_heights(buffers.projected, self._faces, heights, buffers.triangle)
         filter_texels = min(max(round(self._softness_m / texel_m), 1), _MAX_FILTER_TEXELS)
-        return ShadowMap(matrix, self._heights, texel_m, filter_texels, _BIAS_TEXELS * texel_m + _BIAS_M)
+        return ShadowMap(matrix, heights, texel_m, filter_texels, _BIAS_TEXELS * texel_m + _BIAS_M)
 
     def _fit(self, world: np.ndarray) -> tuple[np.ndarray, float]:
         """The matrix whose map holds vertices (V, 3), moved in whole texels only so that edges do not crawl."""
@@ -76,7 +86,7 @@ class ShadowPass:
         margin = 2.0 * self._softness_m
         side = max(high[0] - low[0], high[1] - low[1]) + 2.0 * margin
         side = math.ceil(side / _SIDE_STEP_M) * _SIDE_STEP_M
-        texel = side / self._resolution
+        texel = side / self.resolution
         matrix = np.zeros((3, 4))
         for k in range(2):
             centre = 0.5 * (low[k] + high[k])
