@@ -110,5 +110,5 @@ def test_an_episode_that_diverges_can_be_filmed() -> None:
     actor = load_policy(WildAtOneLevel())
     assert run_episode(env, actor, WILD_LEVEL, film.watch).fault
     frames = film.draw()
-    assert frames[-1].shape == (72, 96, 3)
-    assert len({frame.tobytes() for frame in frames}) > 1
+    assert all(np.isfinite(instant.snapshot.body_position_w).all() for instant in film.instants)
+    assert (frames[-1].shape, len(frames)) == ((72, 96, 3), len(film.instants) + 10)
