@@ -1,6 +1,6 @@
 """The one line that says why nothing seems to happen: kernels are being compiled."""
 
-import contextlib
+import hashlib
 import os
 import sys
 import threading
@@ -71,15 +71,14 @@ def _say_once(seconds: float, folder: Path | None) -> None:
 
 
 def _is_first(folder: Path) -> bool:
-    """Whether no other process of the tree has said it; a file in the folder names the tree that was told last."""
-    path = folder / "told"
-    with contextlib.suppress(OSError):
-        if path.read_text(encoding="utf-8", errors="replace") == _TREE:
-            return False
-    with contextlib.suppress(OSError):
-        temporary = path.with_suffix(f".{os.getpid()}")
-        temporary.write_text(_TREE, encoding="utf-8")
-        temporary.replace(path)
+    """Whether no other process of the tree has said it: whoever has made the tree's file in the folder says it."""
+    tree = hashlib.sha256(_TREE.encode()).hexdigest()[:16]
+    try:
+        (folder / f"told-{tree}").open("x").close()
+    except FileExistsError:
+        return False
+    except OSError:  # better twice than never
+        pass
     return True
 
 
@@ -98,4 +97,4 @@ def _functions_within(kernel: Any) -> list[Any]:
 
 
 def _compiled(functions: list[Any]) -> int:
-    return sum(bool(function.within.overloads) for function in functions)
+    return len([function for function in functions if function.within.overloads])

@@ -38,8 +38,8 @@ class _SubroutineLibrary(JITCodeLibrary):
 
     def _optimize_final_module(self) -> None:
         """Optimise small parts, which hold the inner loops; large ones are left to the outermost kernel."""
-        defined = sum(not function.is_declaration for function in self._final_module.functions)
-        if defined < _LARGE:
+        defined = [function for function in self._final_module.functions if not function.is_declaration]
+        if len(defined) < _LARGE:
             super()._optimize_final_module()
 
     def _finalize_final_module(self) -> None:
