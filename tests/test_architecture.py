@@ -48,7 +48,7 @@ LONGEST_FILE = 300
 # file -> why it is one file all the same
 LONG_FILES: dict[str, str] = {}
 
-HEAVY = ("torch", "numba", "scipy", "coacd", "mujoco", "PIL", "rich", "imageio")
+HEAVY = ("torch", "numba", "scipy", "coacd", "fast_simplification", "mujoco", "PIL", "rich", "imageio")
 
 
 @dataclass(frozen=True)

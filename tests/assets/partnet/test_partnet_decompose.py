@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from artiskill.assets.partnet import decompose as module
+from artiskill.assets.partnet import hull_cache
 from artiskill.assets.partnet.collisions import BODY
 from artiskill.assets.partnet.collisions import GRIP as HANDLE
 from artiskill.assets.partnet.decompose import DecompositionPart, decompose
@@ -96,30 +97,34 @@ def test_coacd_follows_a_bent_bar_closely_and_repeats(rng):
 def test_cache(tmp_path, monkeypatch):
     parts = [DecompositionPart((box((0.2, 0.1, 0.01)),), BODY), DecompositionPart((cylinder(0.02, 0.1),), HANDLE)]
     first = decompose_cached(parts, tmp_path)
-    (file,) = (tmp_path / "partnet").iterdir()
-    assert file.suffix == ".npz"
+    files = list((tmp_path / "partnet").iterdir())
+    assert {file.suffix for file in files} == {".npz"}
+    assert len(files) == 3  # each part, and the whole
     calls = []
-    original = module.decompose
-    monkeypatch.setattr(module, "decompose", lambda part: calls.append(part) or original(part))
+    original = hull_cache.decompose_parts
+    monkeypatch.setattr(
+        hull_cache, "decompose_parts", lambda parts, *more: calls.extend(parts) or original(parts, *more)
+    )
     for old, new in zip(first, decompose_cached(parts, tmp_path), strict=True):
         np.testing.assert_array_equal(old[0], new[0])
     assert not calls
-    decompose_cached([DecompositionPart(parts[0].meshes, HANDLE), parts[1]], tmp_path)  # other parameters
-    assert len(calls) == 2
-    assert len(list((tmp_path / "partnet").iterdir())) == 2
+    decompose_cached([DecompositionPart(parts[0].meshes, HANDLE), parts[1]], tmp_path)  # other parameters of one
+    assert len(calls) == 1
+    assert len(list((tmp_path / "partnet").iterdir())) == 5
 
 
 @pytest.mark.parametrize("damage", [b"", b"PK\x03\x04 and then nothing", b"x" * 100])
 def test_damaged_cache_is_computed_anew(tmp_path, damage):
     parts = [DecompositionPart((box((0.2, 0.1, 0.01)),), BODY)]
     first = decompose_cached(parts, tmp_path)
-    (file,) = (tmp_path / "partnet").iterdir()
-    whole = file.read_bytes()
-    for content in (damage, whole[: len(whole) // 2]):
-        file.write_bytes(content)
+    files = {file: file.read_bytes() for file in (tmp_path / "partnet").iterdir()}
+    for cut in (False, True):
+        for file, whole in files.items():
+            file.write_bytes(whole[: len(whole) // 2] if cut else damage)
         np.testing.assert_array_equal(decompose_cached(parts, tmp_path)[0][0], first[0][0])
-        assert file.read_bytes()[:2] == b"PK"
-        assert len(file.read_bytes()) == len(whole)
+        for file, whole in files.items():
+            assert file.read_bytes()[:2] == b"PK"
+            assert len(file.read_bytes()) == len(whole)
 
 
 def test_unwritable_cache_only_costs_time(tmp_path):

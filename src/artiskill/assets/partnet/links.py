@@ -10,7 +10,7 @@ import numpy as np
 from artiskill.assets.articulated_object import Category, Joint, Link
 from artiskill.assets.partnet.bodies import Body, transform
 from artiskill.assets.partnet.closing import RestJoint
-from artiskill.assets.partnet.collisions import LinkSurface, collision_shapes
+from artiskill.assets.partnet.collisions import Decompose, LinkSurface, collision_shapes
 from artiskill.assets.partnet.drawn import DrawnMesh, group_by_part, vertices_of, visual_meshes
 from artiskill.assets.partnet.grips import Grip, make_grip
 from artiskill.assets.partnet.placing import Placement
@@ -42,9 +42,12 @@ class Source:
 
 
 def build_links(
-    source: Source, place: Placement, cache_dir: Path, warnings: list[str]
+    source: Source, place: Placement, decompose: Decompose, warnings: list[str]
 ) -> tuple[tuple[Link, ...], list[Grip]]:
-    """Links, the root first, and handles with the gap behind each; what is odd is added to `warnings`."""
+    """Links, the root first, and handles with the gap behind each; what is odd is added to `warnings`.
+
+    `decompose` finds convex hulls, as in `collision_shapes`.
+    """
     surfaces: list[LinkSurface] = []
     positions: list[np.ndarray] = []
     for index, body in enumerate(source.bodies):
@@ -52,7 +55,7 @@ def build_links(
         drawn = [m.moved(source.poses[index], place.scale, place.shift - position) for m in source.drawn[index]]
         surfaces.append(LinkSurface(body.name, drawn, joint))
         positions.append(position)
-    shapes = collision_shapes(surfaces, source.category, cache_dir, warnings)
+    shapes = collision_shapes(surfaces, source.category, decompose, warnings)
     links: list[Link] = []
     grips: list[Grip] = []
     textures: dict[Path, np.ndarray | None] = {}
