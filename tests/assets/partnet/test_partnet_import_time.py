@@ -30,9 +30,10 @@ from artiskill.assets.partnet.joining import join_hulls
 from artiskill.assets.partnet.meshes import distance_to_surface, weld
 from artiskill.assets.partnet.progress import ProgressLines
 from artiskill.assets.partnet.simplify import collapse, lighten
+from artiskill.assets.partnet.slicing import bisect_hulls, hull_distance
 from artiskill.errors import AssetError
 from artiskill.geometry.hulls import convex_hull, depth_inside
-from artiskill.geometry.meshes import TriMesh, box, merge, sample_surface
+from artiskill.geometry.meshes import TriMesh, box, merge, sample_surface, tube
 from artiskill.geometry.surfaces import point_triangle_distance
 
 TOLERANCE_M = 0.006  # of the body's tolerance of 4 mm: a decomposition is judged by all of its hulls together
@@ -115,21 +116,21 @@ def test_errors_of_a_worker_arrive(tmp_path, monkeypatch):
     command = "import sys; sys.modules['coacd'] = None; " + hull_workers._COMMAND
     monkeypatch.setattr(hull_workers, "_COMMAND", command)
     with pytest.raises(ImportError, match="import"):
-        decompose_cached([DecompositionPart((cross(),), GRIP)], tmp_path)
+        decompose_cached([DecompositionPart((coil(),), GRIP)], tmp_path)
 
 
 def test_progress_is_told_only_of_what_takes_long(capsys, monkeypatch):
     now = [0.0]
     monkeypatch.setattr("artiskill.assets.partnet.progress.time.perf_counter", lambda: now[0])
     told = ProgressLines("40147")
-    for seconds, done in ((0.1, 10), (0.9, 20), (1.5, 30), (2.0, 31), (8.0, 40), (9.0, 50)):
+    for seconds, done in ((0.1, 10), (0.9, 20), (1.5, 30), (2.0, 31), (12.0, 40), (14.0, 50)):
         now[0] = seconds
         told(done, 50)
     lines = capsys.readouterr().err.splitlines()
     assert lines == [
         "40147: finding collision shapes, once: 30 of 50 parts, 2 s, about 2 s left",
-        "40147: finding collision shapes, once: 40 of 50 parts, 8 s, about 3 s left",
-        "40147: finding collision shapes, once: 50 of 50 parts, 9 s",
+        "40147: finding collision shapes, once: 40 of 50 parts, 12 s, about 4 s left",
+        "40147: finding collision shapes, once: 50 of 50 parts, 14 s",
     ]
     now[0] = 100.0
     quick = ProgressLines("40147")
@@ -138,13 +139,25 @@ def test_progress_is_told_only_of_what_takes_long(capsys, monkeypatch):
     assert capsys.readouterr().err == ""
 
 
-def cross() -> TriMesh:
-    """Two bars through one another in one mesh, neither convex nor to be sliced along one axis."""
-    t = np.linspace(0, 1.8 * np.pi, 40)
-    ring = np.stack((0.05 * np.cos(t), 0.05 * np.sin(t), 0.01 * np.sin(5 * t)), axis=1)
-    from artiskill.geometry.meshes import tube
+def coil() -> TriMesh:
+    """A bar that turns three times: more than ten convex pieces can follow."""
+    t = np.linspace(0, 6 * np.pi, 90)
+    return tube(np.stack((0.05 * np.cos(t), 0.05 * np.sin(t), 0.004 * t), axis=1), 0.004)
 
-    return tube(ring, 0.004)
+
+def test_halves_of_halves_follow_a_closed_ring(rng):
+    t = np.linspace(0, 2 * np.pi * 31 / 32, 32)
+    ring = tube(np.stack((0.06 * np.cos(t), 0.06 * np.sin(t), 0 * t), axis=1), 0.006)
+    hulls, error_m = bisect_hulls(ring, 10, 0.0015, 0.002, 32)
+    assert 6 <= len(hulls) <= 10
+    assert error_m < 0.004
+    (whole,), far_m = bisect_hulls(ring, 1, 0.0015, 0.002, 32)
+    assert far_m > 0.03
+    assert error_m == pytest.approx(hull_distance(hulls, ring))
+    drawn = sample_surface([ring], 300, rng)
+    planes = [convex_hull(hull).planes for hull in hulls]
+    assert np.min([-depth_inside(one, drawn) for one in planes], axis=0).max() < 1e-3
+    assert len(whole) <= 32
 
 
 def test_nearest_triangles_of_many(rng):
@@ -212,9 +225,9 @@ def test_hard_meshes_are_followed(mesh, rng):
 
 def test_a_soup_of_loose_triangles_is_one_piece_and_quick(rng):
     """Every face its own component: thousands of pieces, none of which is looked at."""
-    centres = rng.uniform(-0.2, 0.2, (20_000, 1, 3)) * (1, 1, 0.02)
+    centres = rng.uniform(-0.2, 0.2, (6_000, 1, 3)) * (1, 1, 0.02)
     mesh = TriMesh(
-        (centres + rng.normal(size=(20_000, 3, 3)) * 0.003).reshape(-1, 3), np.arange(60_000).reshape(-1, 3)
+        (centres + rng.normal(size=(6_000, 3, 3)) * 0.003).reshape(-1, 3), np.arange(18_000).reshape(-1, 3)
     )
     start = time.process_time()
     hulls = decompose(DecompositionPart((mesh,), BODY))

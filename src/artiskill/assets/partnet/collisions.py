@@ -24,14 +24,14 @@ _BOX_SHARE = 0.995  # a hull that fills so much of its bounds is a box
 
 # 4 mm where the body is concerned is less than a finger's thickness; a handle decides whether a grip holds.
 BODY = DecompositionConfig()
-GRIP = DecompositionConfig(tolerance_m=0.0015, thickness_m=0.002, max_hulls=10, resolution=50, slices=10)
+GRIP = DecompositionConfig(tolerance_m=0.0015, thickness_m=0.002, max_hulls=10, resolution=50)
 # A bail is a bent wire: slices follow it.
 BAIL = DecompositionConfig(tolerance_m=0.003, thickness_m=0.004, max_hulls=10, resolution=50, pieces=6, slices=8)
 _VESSEL = DecompositionConfig(vessel=True, max_hulls=60)
 # Chairs are pushed and pulled at their large parts: these are followed to a centimetre, within which the drawn and
 # the touched surface shall agree. Nothing is gripped between two legs: there, few slices do.
 _CHAIR_DEFAULT = DecompositionConfig(
-    tolerance_m=0.010, thickness_m=0.006, max_hulls=3, iterations=60, pieces=6, slices=3, slack_m=np.inf
+    tolerance_m=0.010, thickness_m=0.006, max_hulls=3, pieces=6, slices=3, slack_m=np.inf
 )
 _CHAIR: dict[str, DecompositionConfig] = {
     "seat": replace(_CHAIR_DEFAULT, max_hulls=4, slices=4),

@@ -12,6 +12,7 @@ What is decided here, and written to `metadata`:
 - Parts of chairs and buckets bear the benchmark's names (`part_names`); `metadata["parts"]` has both.
 - Handles are the parts named so; on links that move. Where there are none, the object imports and a warning in
   `metadata["warnings"]` says so; it has no target links then.
+- What has more drawn triangles than is quick (`thinning`) is drawn with fewer; `metadata["warnings"]` says how many.
 - Collision shapes follow the drawn surfaces, part by part (`collisions`); the URDF's own are the same meshes
   again, not convex, and are left out.
 
@@ -41,6 +42,7 @@ from artiskill.assets.partnet.preview import moving_links
 from artiskill.assets.partnet.progress import ProgressLines
 from artiskill.assets.partnet.remarks import find_remarks, measures, part_names
 from artiskill.assets.partnet.semantics import read_category, read_part_names
+from artiskill.assets.partnet.thinning import thin_out
 from artiskill.assets.partnet.urdf import read_urdf
 from artiskill.errors import AssetError
 
@@ -127,7 +129,8 @@ def _import_folder(
     poses = body_poses(bodies, [joint.value if joint else 0.0 for joint in rest])
     links, grips = build_links(Source(category, bodies, drawn, rest, poses), place, decompose, warnings)
     handles = tuple(grip.handle for grip in grips)
-    warnings += find_remarks(links, handles, category)
+    links, said = thin_out(links, category)
+    warnings += said + find_remarks(links, handles, category)
     return ArticulatedObject(
         id=identifier,
         category=category,

@@ -3,7 +3,7 @@
 import sys
 import time
 
-_SILENCE_S, _INTERVAL_S = 1.0, 5.0  # what takes less needs no line; from one line to the next
+_SILENCE_S, _INTERVAL_S = 1.0, 10.0  # what takes less needs no line; from one line to the next
 
 
 class ProgressLines:
