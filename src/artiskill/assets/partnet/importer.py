@@ -12,7 +12,7 @@ What is decided here, and written to `metadata`:
 - Parts of chairs and buckets bear the benchmark's names (`part_names`); `metadata["parts"]` has both.
 - Handles are the parts named so; on links that move. Where there are none, the object imports and a warning in
   `metadata["warnings"]` says so; it has no target links then.
-- What has more drawn triangles than is quick (`thinning`) is drawn with fewer; `metadata["warnings"]` says how many.
+- What has more drawn triangles than are quick is drawn with fewer (`thinning`); `metadata["warnings"]` says so.
 - Collision shapes follow the drawn surfaces, part by part (`collisions`); the URDF's own are the same meshes
   again, not convex, and are left out.
 

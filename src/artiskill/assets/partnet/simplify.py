@@ -1,7 +1,7 @@
 """Fewer triangles for the same surface: fast-simplification, its result checked against the surface itself.
 
-The library collapses edges where that moves the surface least (Garland and Heckbert, SIGGRAPH 1997), but never makes
-or keeps a needle, so that it stops early at boards and mouldings, which consist of them. For these the mesh is
+The library collapses edges where that moves the surface least (Garland and Heckbert, SIGGRAPH 1997), but never
+touches needles, so that it stops early at boards and mouldings, which consist of them. For these the mesh is
 stretched to a cube, and where that is not enough, near vertices are made one first.
 """
 
@@ -59,7 +59,7 @@ def collapse(mesh: TriMesh, faces: int) -> TriMesh:
 
 
 def cluster(mesh: TriMesh, cell_m: float) -> TriMesh:
-    """All vertices of a cubic cell made one, that which is nearest to their middle; faces that thus vanish are gone."""
+    """All vertices of a cubic cell made one, that which is nearest to their middle; flat faces are gone."""
     cells = np.round((mesh.vertices - mesh.bounds[0]) / cell_m).astype(np.int64)
     _, index, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     index = index.reshape(-1)
