@@ -265,7 +265,7 @@ def _joint(name: str, kind: str, parts: list[Part], side: float = 0.0) -> ToyLin
     """A drawer, or a door hung at y = `side` of the front."""
     if kind == "prismatic":
         return ToyLink(name, "link_0", kind, parts, axis=(-1, 0, 0), limits=(0, 0.5))
-    return ToyLink(name, "link_0", kind, parts, (-D, side, 0), (0, 0, np.sign(side)), (0, 1.5))
+    return ToyLink(name, "link_0", kind, parts, (-D, side, 0), (0, 0, -np.sign(side)), (0, 1.5))
 
 
 def _drawer(y: float, z: float, half_y: float, half_z: float, cuts: int) -> list[Part]:

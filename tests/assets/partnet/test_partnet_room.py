@@ -46,7 +46,7 @@ def crowded() -> list[ToyLink]:
     return [
         ToyLink("link_0", "base", "fixed", [("frame", wall) for wall in walls]),
         ToyLink("link_1", "link_0", "prismatic", drawer, axis=(-1, 0, 0), limits=(0, 0.3)),
-        ToyLink("link_2", "link_0", "revolute", door, (-0.2, -0.29, 0), (0, 0, -1), (0, 1.5)),
+        ToyLink("link_2", "link_0", "revolute", door, (-0.2, -0.29, 0), (0, 0, 1), (0, 1.5)),
     ]
 
 
