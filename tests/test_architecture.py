@@ -49,7 +49,7 @@ LONGEST_FILE = 350
 # file -> why it is one file all the same
 LONG_FILES: dict[str, str] = {}
 
-HEAVY = ("torch", "numba", "scipy", "coacd", "mujoco", "PIL", "rich", "imageio")
+HEAVY = ("torch", "numba", "scipy", "coacd", "fast_simplification", "mujoco", "PIL", "rich", "imageio")
 
 
 @dataclass(frozen=True)

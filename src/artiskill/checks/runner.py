@@ -38,6 +38,7 @@ class ObjectReport:
         source: where it comes from, as its metadata say.
         results: in the order of the checks.
         seconds: that its checks took.
+        remarks: what its importer had to decide: what was trimmed, made lighter or left out.
     """
 
     id: str
@@ -45,6 +46,7 @@ class ObjectReport:
     source: str
     results: tuple[CheckResult, ...]
     seconds: float
+    remarks: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -153,7 +155,9 @@ def _examine(item: Item, config: ChecksConfig) -> tuple[ObjectReport, Descriptor
         results = [failed(LOADS, "object", str(error))]
         return ObjectReport(object_id_of(item), "", "", tuple(results), time.perf_counter() - start), None
     source = str(obj.metadata.get("source", ""))
-    return ObjectReport(obj.id, obj.category, source, tuple(results), time.perf_counter() - start), descriptor
+    remarks = tuple(map(str, obj.metadata.get("warnings", ())))
+    report = ObjectReport(obj.id, obj.category, source, tuple(results), time.perf_counter() - start, remarks)
+    return report, descriptor
 
 
 def _examine_on_processes(

@@ -32,6 +32,9 @@ def print_to(console: "Console", reports: Sequence["ObjectReport"]) -> None:
     faulty = [report for report in reports if not report.passed]
     if faulty:
         console.print(fault_table(faulty))
+    for report in reports:
+        for remark in report.remarks:
+            console.print(f"{report.id}: {remark}", markup=False, soft_wrap=True)
     checked = sum(len(report.results) for report in reports)
     faults = sum(len(report.failures()) for report in reports)
     verdict = f"[bold red]{len(faulty)} of {len(reports)} objects fail[/]" if faulty else "[bold]all pass[/]"

@@ -3,12 +3,12 @@
 import json
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from benchmarks.partnet_folders import ToyLink, write_mesh, write_object
 from PIL import Image
 
 from artiskill.assets.articulated_object import ArticulatedObject
@@ -147,78 +147,6 @@ def _write_obj(path: Path, boxes: list[tuple[tuple[float, ...], tuple[float, ...
     path.with_suffix(".mtl").write_text(
         "newmtl wood\nKd 1 1 1\nmap_Kd ../images/texture_0.png\nnewmtl paint\nKd 0.5 0 0\nd 0.75\nNs 30\n"
     )
-
-
-@dataclass
-class ToyLink:
-    """A link of an object to be written; everything in our frame (z up, front to -x), in the file's units."""
-
-    name: str
-    parent: str
-    joint: str
-    parts: list[tuple[str, TriMesh]] = field(default_factory=list)
-    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    limits: tuple[object, object] | None = None
-
-
-def write_object(folder: Path, category: str, links: list[ToyLink], names: str = "urdf") -> Path:
-    """Write an object in the data set's form.
-
-    Args:
-        folder: made where it is missing.
-        category: `Chair`, say.
-        links: parents before children; the parent of the first is `base`.
-        names: who names the parts: `urdf`, `annotations`, `links` (semantics.txt alone) or `none`.
-    """
-    (folder / "textured_objs").mkdir(parents=True, exist_ok=True)
-    urdf, tree, mobility, semantics = ['<robot name="toy"><link name="base"/>'], [], [], []
-    origins = {"base": np.zeros(3)}
-    number = 0
-    for link in links:
-        origins[link.name] = np.array(link.origin, dtype=float)
-        shift = _text(to_file(-origins[link.name]))
-        urdf.append(f'<link name="{link.name}">')
-        for part, mesh in link.parts:
-            number += 1
-            name = f' name="{part}-{number}"' if names == "urdf" else ""
-            geometry = f'<geometry><mesh filename="textured_objs/original-{number}.obj"/></geometry>'
-            urdf.append(f'<visual{name}><origin xyz="{shift}"/>{geometry}</visual>')
-            tree.append({"id": number, "name": part, "objs": [f"original-{number}"]})
-            mobility.append({"id": number, "parts": [{"id": number, "name": part}]})
-            write_mesh(folder / "textured_objs" / f"original-{number}.obj", mesh)
-        turn = ' rpy="1.570796326794897 0 -1.570796326794897"' if link.parent == "base" else ""
-        place = _text(to_file(origins[link.name] - origins[link.parent]))
-        limit = f'<limit lower="{link.limits[0]}" upper="{link.limits[1]}"/>' if link.limits else ""
-        urdf.append(
-            f'</link><joint name="joint_{link.name}" type="{link.joint}"><origin xyz="{place}"{turn}/>'
-            f'<axis xyz="{_text(to_file(np.array(link.axis)))}"/><parent link="{link.parent}"/>'
-            f'<child link="{link.name}"/>{limit}</joint>'
-        )
-        semantics.append(f"{link.name} hinge {link.parts[0][0] if link.parts else 'nothing'}")
-    (folder / "mobility.urdf").write_text("\n".join([*urdf, "</robot>"]))
-    (folder / "meta.json").write_text(json.dumps({"model_cat": category}))
-    if names in ("urdf", "annotations"):
-        (folder / "result.json").write_text(json.dumps(tree))
-        (folder / "mobility_v2.json").write_text(json.dumps(mobility))
-    if names == "links":
-        (folder / "semantics.txt").write_text("\n".join(semantics))
-    return folder
-
-
-def to_file(points: np.ndarray) -> np.ndarray:
-    """Points (..., 3) of our frame in the data set's: y up, front to +z."""
-    return np.stack((-points[..., 1], points[..., 2], -points[..., 0]), axis=-1)
-
-
-def write_mesh(path: Path, mesh: TriMesh) -> None:
-    """A mesh of our frame as an OBJ file without materials."""
-    lines = [f"v {_text(v)}" for v in to_file(mesh.vertices)]
-    path.write_text("\n".join([*lines, *(f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.faces)]))
-
-
-def _text(values: np.ndarray) -> str:
-    return " ".join(repr(float(value)) for value in values)
 
 
 @pytest.fixture

@@ -141,9 +141,7 @@ def test_material_does_not_parse(toy, line, message):
 @pytest.fixture
 def _no_decomposition(monkeypatch):
     """Whoever decomposes a mesh fails."""
-    monkeypatch.setattr(
-        "artiskill.assets.partnet.collisions.decompose_cached", lambda *_: pytest.fail("decomposed")
-    )
+    monkeypatch.setattr("artiskill.assets.partnet.importer.decompose_cached", lambda *_: pytest.fail("decomposed"))
 
 
 @pytest.mark.usefixtures("_no_decomposition")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from artiskill.assets.partnet import decompose as module
+from artiskill.assets.partnet import hull_cache
 from artiskill.assets.partnet.collisions import BODY
 from artiskill.assets.partnet.collisions import GRIP as HANDLE
 from artiskill.assets.partnet.decompose import DecompositionPart, decompose
@@ -96,65 +97,69 @@ def test_coacd_follows_a_bent_bar_closely_and_repeats(rng):
 def test_cache(tmp_path, monkeypatch):
     parts = [DecompositionPart((box((0.2, 0.1, 0.01)),), BODY), DecompositionPart((cylinder(0.02, 0.1),), HANDLE)]
     first = decompose_cached(parts, tmp_path)
-    (file,) = (tmp_path / "partnet").iterdir()
-    assert file.suffix == ".npz"
+    files = list((tmp_path / "partnet").iterdir())
+    assert {file.suffix for file in files} == {".npz"}
+    assert len(files) == 3  # each part, and the whole
     calls = []
-    original = module.decompose
-    monkeypatch.setattr(module, "decompose", lambda part: calls.append(part) or original(part))
+    original = hull_cache.decompose_parts
+    monkeypatch.setattr(
+        hull_cache, "decompose_parts", lambda parts, *more: calls.extend(parts) or original(parts, *more)
+    )
     for old, new in zip(first, decompose_cached(parts, tmp_path), strict=True):
         np.testing.assert_array_equal(old[0], new[0])
     assert not calls
-    decompose_cached([DecompositionPart(parts[0].meshes, HANDLE), parts[1]], tmp_path)  # other parameters
-    assert len(calls) == 2
-    assert len(list((tmp_path / "partnet").iterdir())) == 2
+    decompose_cached([DecompositionPart(parts[0].meshes, HANDLE), parts[1]], tmp_path)  # other parameters of one
+    assert len(calls) == 1
+    assert len(list((tmp_path / "partnet").iterdir())) == 5
 
 
 @pytest.mark.parametrize("damage", [b"", b"PK\x03\x04 and then nothing", b"x" * 100])
 def test_damaged_cache_is_computed_anew(tmp_path, damage):
     parts = [DecompositionPart((box((0.2, 0.1, 0.01)),), BODY)]
     first = decompose_cached(parts, tmp_path)
-    (file,) = (tmp_path / "partnet").iterdir()
-    whole = file.read_bytes()
-    for content in (damage, whole[: len(whole) // 2]):
-        file.write_bytes(content)
+    files = {file: file.read_bytes() for file in (tmp_path / "partnet").iterdir()}
+    for cut in (False, True):
+        for file, whole in files.items():
+            file.write_bytes(whole[: len(whole) // 2] if cut else damage)
         np.testing.assert_array_equal(decompose_cached(parts, tmp_path)[0][0], first[0][0])
-        assert file.read_bytes()[:2] == b"PK"
-        assert len(file.read_bytes()) == len(whole)
+        for file, whole in files.items():
+            assert file.read_bytes()[:2] == b"PK"
+            assert len(file.read_bytes()) == len(whole)
 
 
 def test_changed_cache_is_noticed_and_computed_anew(tmp_path, caplog):
     """Whole files, as numpy sees it: one value, one name or one array is another."""
+    folder = tmp_path / "partnet"
     parts = [DecompositionPart((box((0.2, 0.1, 0.01)),), BODY)]
-    first = decompose_cached(parts, tmp_path)
+    first = decompose_cached(parts, tmp_path)[0][0]
     assert not caplog.messages
-    (file,) = (tmp_path / "partnet").iterdir()
-    whole = file.read_bytes()
-    with np.load(file) as data:
-        arrays = dict(data)
-    other_entry = tmp_path / "partnet" / f"{'0' * 32}.npz"
-    file.rename(other_entry)
+    wholes = {file: file.read_bytes() for file in sorted(folder.iterdir())}  # the part and the object
     decompose_cached([DecompositionPart((box((0.1, 0.1, 0.3)),), BODY)], tmp_path)
-    (other,) = set((tmp_path / "partnet").iterdir()) - {other_entry}
+    other = sorted(set(folder.iterdir()) - set(wholes))[0]
     changes = [
-        arrays | {"points": arrays["points"] + 1e-9},
-        arrays | {"points": arrays["points"] * np.nan},
-        arrays | {"points": np.zeros((10**7, 3))},
-        arrays | {"sizes": -arrays["sizes"]},
-        arrays | {"counts": arrays["counts"].astype(float)},
-        {name: value for name, value in arrays.items() if name != "digest"},
-        arrays | {"points": np.array([None], dtype=object)},
+        lambda arrays: arrays | {"points": arrays["points"] + 1e-9},
+        lambda arrays: arrays | {"points": arrays["points"] * np.nan},
+        lambda arrays: arrays | {"points": np.zeros((10**7, 3))},
+        lambda arrays: arrays | {"sizes": -arrays["sizes"]},
+        lambda arrays: arrays | {"counts": arrays["counts"].astype(float)},
+        lambda arrays: {name: value for name, value in arrays.items() if name != "digest"},
+        lambda arrays: arrays | {"points": np.array([None], dtype=object)},
     ]
     for change in changes:
-        np.savez_compressed(file, **change)
+        for file in wholes:
+            with np.load(file) as data:
+                arrays = dict(data)
+            np.savez_compressed(file, **change(arrays))
         caplog.clear()
-        np.testing.assert_array_equal(decompose_cached(parts, tmp_path)[0][0], first[0][0])
-        assert ["is made anew" in message for message in caplog.messages] == [True]
-        assert file.read_bytes() == whole
-    file.write_bytes(other.read_bytes())
-    np.testing.assert_array_equal(decompose_cached(parts, tmp_path)[0][0], first[0][0])
-    for place in range(0, len(whole), 97):  # any byte
-        file.write_bytes(whole[:place] + bytes([whole[place] ^ 0x55]) + whole[place + 1 :])
-        np.testing.assert_array_equal(decompose_cached(parts, tmp_path)[0][0], first[0][0])
+        np.testing.assert_array_equal(decompose_cached(parts, tmp_path)[0][0], first)
+        assert ["is made anew" in message for message in caplog.messages] == [True, True]
+        assert {file: file.read_bytes() for file in wholes} == wholes
+    for file, whole in wholes.items():
+        file.write_bytes(other.read_bytes())
+        np.testing.assert_array_equal(decompose_cached(parts, tmp_path)[0][0], first)
+        for place in range(0, len(whole), 97):  # any byte
+            file.write_bytes(whole[:place] + bytes([whole[place] ^ 0x55]) + whole[place + 1 :])
+            np.testing.assert_array_equal(decompose_cached(parts, tmp_path)[0][0], first)
 
 
 def test_unwritable_cache_only_costs_time(tmp_path):

@@ -35,7 +35,8 @@ def test_cabinet_stands_as_it_should(cabinet):
     assert [link.name for link in cabinet.links] == ["base", "link_0", "link_1"]
     np.testing.assert_allclose(cabinet.links[2].joint.axis, (-1, 0, 0), atol=1e-9)
     np.testing.assert_allclose(np.abs(cabinet.links[1].joint.axis), (0, 0, 1), atol=1e-9)
-    assert cabinet.metadata["warnings"] == ()
+    (said,) = cabinet.metadata["warnings"]  # the drawer's bar stands near to its front
+    assert said == "a handle of 'link_1' has no room for the usual grasp: its pose is 4 mm from it"
     assert cabinet.target_links("prismatic") == ("link_1",)
     assert cabinet.target_links("revolute") == ("link_0",)
 
@@ -116,7 +117,7 @@ def test_chair(chair):
     assert all(j.limits == (-np.inf, np.inf) for j in joints if j.kind == "revolute")
     assert any("link_15_helper" in text for text in chair.metadata["warnings"])
     assert sum(len(link.collisions) for link in chair.links) <= 50
-    assert sum(len(v.mesh.faces) for link in chair.links for v in link.visuals) <= 25_000
+    assert sum(len(v.mesh.faces) for link in chair.links for v in link.visuals) <= 15_000
     parts = {v.part for link in chair.links for v in link.visuals}
     assert parts == {"wheel", "caster", "base", "column", "seat", "back", "arm"}
 

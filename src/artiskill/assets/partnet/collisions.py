@@ -1,39 +1,45 @@
 """The collision shapes of an imported object: round wheels, hollow vessels, convex hulls of everything else."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from artiskill.assets.articulated_object import Category, CollisionShape, Joint
 from artiskill.assets.partnet.decompose import DecompositionConfig, DecompositionPart
 from artiskill.assets.partnet.drawn import DrawnMesh, group_by_part
-from artiskill.assets.partnet.hull_cache import decompose_cached
 from artiskill.assets.partnet.part_names import HANDLE, WALL, WHEEL
 from artiskill.assets.partnet.wheels import wheel_shape
+from artiskill.geometry.exact import total
 from artiskill.geometry.hulls import convex_hull
 from artiskill.geometry.meshes import TriMesh, merge
 
+Decompose = Callable[[Sequence[DecompositionPart], int | None], list[list[np.ndarray]]]
+
 # Shapes of an object at most: every one costs time in every step.
 MOST_SHAPES: dict[Category, int] = {"cabinet": 80, "chair": 50, "bucket": 60}
+# Times as many hulls as may stay: from where on parts get only their share, and how many these are together.
+_GENEROUS, _SHARED_OUT = 4.0, 2.0
 _BOX_SHARE = 0.995  # a hull that fills so much of its bounds is a box
 
 # 4 mm where the body is concerned is less than a finger's thickness; a handle decides whether a grip holds.
 BODY = DecompositionConfig()
 GRIP = DecompositionConfig(tolerance_m=0.0015, thickness_m=0.002, max_hulls=10, resolution=50)
 # A bail is a bent wire: slices follow it.
-BAIL = DecompositionConfig(tolerance_m=0.003, thickness_m=0.004, max_hulls=10, resolution=50, slices=8)
+BAIL = DecompositionConfig(tolerance_m=0.003, thickness_m=0.004, max_hulls=10, resolution=50, pieces=6, slices=8)
 _VESSEL = DecompositionConfig(vessel=True, max_hulls=60)
 # Chairs are pushed and pulled at their large parts: these are followed to a centimetre, within which the drawn and
 # the touched surface shall agree. Nothing is gripped between two legs: there, few slices do.
-_CHAIR_DEFAULT = DecompositionConfig(tolerance_m=0.010, thickness_m=0.006, max_hulls=3, slices=3, slack_m=np.inf)
+_CHAIR_DEFAULT = DecompositionConfig(
+    tolerance_m=0.010, thickness_m=0.006, max_hulls=3, pieces=6, slices=3, slack_m=np.inf
+)
 _CHAIR: dict[str, DecompositionConfig] = {
-    "seat": DecompositionConfig(tolerance_m=0.010, thickness_m=0.006, max_hulls=4, slices=4, slack_m=np.inf),
-    "back": DecompositionConfig(tolerance_m=0.010, thickness_m=0.006, max_hulls=6, slices=6, slack_m=0.018),
-    "arm": DecompositionConfig(tolerance_m=0.008, thickness_m=0.006, max_hulls=4, slices=4, slack_m=0.015),
-    "caster": DecompositionConfig(tolerance_m=0.020, thickness_m=0.004, max_hulls=1, slices=1, slack_m=np.inf),
-    "column": DecompositionConfig(tolerance_m=0.015, thickness_m=0.006, max_hulls=2, slices=2, slack_m=np.inf),
+    "seat": replace(_CHAIR_DEFAULT, max_hulls=4, slices=4),
+    "back": replace(_CHAIR_DEFAULT, max_hulls=6, slices=6, slack_m=0.018),
+    "arm": replace(_CHAIR_DEFAULT, tolerance_m=0.008, max_hulls=4, slices=4, slack_m=0.015),
+    "caster": replace(_CHAIR_DEFAULT, tolerance_m=0.020, thickness_m=0.004, max_hulls=1, slices=1),
+    "column": replace(_CHAIR_DEFAULT, tolerance_m=0.015, max_hulls=2, slices=2),
 }
 
 
@@ -47,21 +53,25 @@ class LinkSurface:
 
 
 def collision_shapes(
-    links: Sequence[LinkSurface], category: Category, cache_dir: Path, warnings: list[str]
+    links: Sequence[LinkSurface],
+    category: Category,
+    decompose: Decompose,
+    warnings: list[str],
 ) -> list[tuple[CollisionShape, ...]]:
     """The shapes of each link, in its frame.
 
     Args:
         links: of the object, the root first.
         category: of the object.
-        cache_dir: where decompositions are kept.
+        decompose: finds the hulls of all parts, of which there may be so many: `hull_cache.decompose_cached`.
         warnings: added to, where shapes are not what one would expect.
 
     Raises:
+        AssetError: a worker ended by itself.
         MissingExtraError: coacd is needed and not installed.
     """
     shapes: list[list[CollisionShape]] = [[] for _ in links]
-    hollow = _fill_vessel(shapes, links[0], cache_dir, warnings) if category == "bucket" else False
+    hollow = _fill_vessel(shapes, links[0], decompose, warnings) if category == "bucket" else False
     owners: list[tuple[int, str]] = []
     parts: list[DecompositionPart] = []
     for index, link in enumerate(links):
@@ -77,7 +87,7 @@ def collision_shapes(
                 owners.append(owner)
                 parts.append(DecompositionPart(surfaces, _config(category, label.part, label.is_handle), group))
     room = MOST_SHAPES[category] - sum(map(len, shapes))
-    found = decompose_cached(parts, cache_dir, room) if parts else []
+    found = decompose(_shared_out(parts, room), room) if parts else []
     for (index, part), hulls in zip(owners, found, strict=True):
         shapes[index] += [hull_shape(hull, part) for hull in hulls]
     count = sum(map(len, shapes))
@@ -97,11 +107,11 @@ def hull_shape(points: np.ndarray, part: str) -> CollisionShape:
 
 
 def _fill_vessel(
-    shapes: list[list[CollisionShape]], root: LinkSurface, cache_dir: Path, warnings: list[str]
+    shapes: list[list[CollisionShape]], root: LinkSurface, decompose: Decompose, warnings: list[str]
 ) -> bool:
     """Give the root a hollow body; False where it is no open vessel, which is warned of."""
     surfaces: tuple[TriMesh, ...] = tuple(mesh.mesh for mesh in root.drawn)
-    (hulls,) = decompose_cached([DecompositionPart(surfaces, _VESSEL)], cache_dir) if surfaces else ([],)
+    (hulls,) = decompose([DecompositionPart(surfaces, _VESSEL)], None) if surfaces else ([],)
     if not hulls:
         warnings.append(
             f"the body {root.name!r} is no open vessel (no floor, a hole in its wall, or closed at the top): its "
@@ -111,6 +121,25 @@ def _fill_vessel(
     shapes[0] += [hull_shape(hull, WALL) for hull in hulls[:-1]]
     shapes[0].append(hull_shape(hulls[-1], "floor"))
     return True
+
+
+def _shared_out(parts: Sequence[DecompositionPart], room: int) -> list[DecompositionPart]:
+    """Parts of which each may have only so many hulls as it takes up of the object, where they are very many.
+
+    Hundreds of parts, cut into eight hulls each, would only be joined again. What is gripped keeps its own.
+    """
+    if sum(part.config.max_hulls for part in parts) <= _GENEROUS * room:
+        return list(parts)
+    sizes = [float(np.linalg.norm(np.ptp(np.concatenate([m.vertices for m in p.meshes]), axis=0))) for p in parts]
+    most = [math.ceil(_SHARED_OUT * room * size / max(total(sizes), 1e-9)) for size in sizes]
+    return [
+        part if part.config == GRIP else replace(part, config=_with_most(part.config, number))
+        for part, number in zip(parts, most, strict=True)
+    ]
+
+
+def _with_most(config: DecompositionConfig, hulls: int) -> DecompositionConfig:
+    return replace(config, max_hulls=min(hulls, config.max_hulls))
 
 
 def _config(category: Category, part: str, is_handle: bool) -> DecompositionConfig:

@@ -2,18 +2,22 @@
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from artiskill.assets.articulated_object import Category, Joint, Link
+from artiskill.assets.articulated_object import Category, CollisionShape, Joint, Link
+from artiskill.assets.handles import is_handle_part
 from artiskill.assets.partnet.bodies import Body, transform
+from artiskill.assets.partnet.clearance import Obstacle, with_room
 from artiskill.assets.partnet.closing import RestJoint
-from artiskill.assets.partnet.collisions import LinkSurface, collision_shapes
+from artiskill.assets.partnet.collisions import Decompose, LinkSurface, collision_shapes
 from artiskill.assets.partnet.drawn import DrawnMesh, group_by_part, vertices_of, visual_meshes
 from artiskill.assets.partnet.grips import Grip, make_grip
+from artiskill.assets.partnet.overlaps import moved_hull, shape_hull
 from artiskill.assets.partnet.placing import Placement
+from artiskill.assets.partnet.trimming import trim_overlaps
 from artiskill.geometry.meshes import TriMesh, merge, sample_surface
 
 SURFACE_POINTS_PER_LINK = 200
@@ -42,9 +46,12 @@ class Source:
 
 
 def build_links(
-    source: Source, place: Placement, cache_dir: Path, warnings: list[str]
+    source: Source, place: Placement, decompose: Decompose, warnings: list[str]
 ) -> tuple[tuple[Link, ...], list[Grip]]:
-    """Links, the root first, and handles with the gap behind each; what is odd is added to `warnings`."""
+    """Links, the root first, and handles with the gap behind each; what is odd is added to `warnings`.
+
+    `decompose` finds convex hulls, as in `collision_shapes`.
+    """
     surfaces: list[LinkSurface] = []
     positions: list[np.ndarray] = []
     for index, body in enumerate(source.bodies):
@@ -52,13 +59,20 @@ def build_links(
         drawn = [m.moved(source.poses[index], place.scale, place.shift - position) for m in source.drawn[index]]
         surfaces.append(LinkSurface(body.name, drawn, joint))
         positions.append(position)
-    shapes = collision_shapes(surfaces, source.category, cache_dir, warnings)
+    shapes = collision_shapes(surfaces, source.category, decompose, warnings)
+    if source.category == "cabinet":
+        placed = [(surface.name, position) for surface, position in zip(surfaces, positions, strict=True)]
+        shapes, said = trim_overlaps(placed, shapes)
+        warnings += said
     links: list[Link] = []
     grips: list[Grip] = []
     textures: dict[Path, np.ndarray | None] = {}
     for index, (body, surface) in enumerate(zip(source.bodies, surfaces, strict=True)):
         rng = _content_rng(surface)
-        grips += _grips(surface, source.category, rng, warnings)
+        found = _grips(surface, source.category, rng, warnings)
+        if source.category == "cabinet" and found:
+            found = _with_room(found, surfaces, shapes, positions, index, warnings)
+        grips += found
         parent_position = positions[body.parent] if body.parent >= 0 else np.zeros(3)
         links.append(
             Link(
@@ -109,6 +123,32 @@ def _grips(surface: LinkSurface, category: Category, rng: np.random.Generator, w
         grip = make_grip(surface.name, merge(m.mesh for m in meshes), panel, joint, category, rng)
         warnings += grip.warnings
         found.append(grip)
+    return found
+
+
+def _with_room(
+    grips: Sequence[Grip],
+    surfaces: Sequence[LinkSurface],
+    shapes: Sequence[Sequence[CollisionShape]],
+    positions: Sequence[np.ndarray],
+    index: int,
+    warnings: list[str],
+) -> list[Grip]:
+    """The grips of a link, at which the open gripper has room beside the shapes of all links at rest."""
+    obstacles = [
+        Obstacle(
+            moved_hull(shape_hull(shape), positions[k] - positions[index]),
+            "" if k == index and is_handle_part(shape.part) else surface.name,
+        )
+        for k, surface in enumerate(surfaces)
+        for shape in shapes[k]
+    ]
+    found = []
+    for grip, meshes in zip(grips, _handle_groups(surfaces[index].drawn), strict=True):
+        vertices = np.concatenate([mesh.mesh.vertices for mesh in meshes])
+        handle, said = with_room(grip.handle, vertices, obstacles)
+        warnings += said
+        found.append(replace(grip, handle=handle))
     return found
 
 

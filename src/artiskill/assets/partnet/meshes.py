@@ -6,8 +6,11 @@ from scipy.sparse.csgraph import connected_components
 
 from artiskill.geometry.hulls import ConvexHull, convex_hull, depth_inside
 from artiskill.geometry.meshes import TriMesh
+from artiskill.geometry.surfaces import point_triangle_distance
 
 _CHUNK = 2_000_000  # point-triangle pairs worked on at once: some 200 MB
+_FEW_FACES = 500  # of which all are looked at; of more, those near enough to matter
+_MANY_SHARE = 0.02  # of the pairs of point and triangle: beyond it, a search costs more than it saves
 
 
 def weld(mesh: TriMesh, tolerance_m: float = 1e-6) -> TriMesh:
@@ -23,16 +26,23 @@ def weld(mesh: TriMesh, tolerance_m: float = 1e-6) -> TriMesh:
     return TriMesh(mesh.vertices[first][used], faces.reshape(-1, 3))
 
 
-def components(mesh: TriMesh) -> list[TriMesh]:
+def components(mesh: TriMesh, most: int | None = None) -> list[TriMesh]:
     """The pieces of a welded mesh that hang together by edges of exactly two faces.
 
     Boxes that touch along an edge or at a corner are pieces of their own, and so are sheets that meet in a T.
+
+    Args:
+        mesh: its vertices welded.
+        most: of more pieces than this, none are cut out: the answer is the mesh.
     """
-    return _split(mesh, _labels(_neighbours(mesh), len(mesh.faces)))
+    return _split(mesh, _labels(_neighbours(mesh), len(mesh.faces)), most)
 
 
-def flat_patches(mesh: TriMesh, angle_rad: float = 0.02) -> list[TriMesh]:
-    """The pieces of a welded mesh whose neighbouring faces lie in one plane, whichever side they show."""
+def flat_patches(mesh: TriMesh, angle_rad: float = 0.02, most: int | None = None) -> list[TriMesh]:
+    """The pieces of a welded mesh whose neighbouring faces lie in one plane, whichever side they show.
+
+    `most` as in `components`.
+    """
     normals = np.cross(
         mesh.vertices[mesh.faces[:, 1]] - mesh.vertices[mesh.faces[:, 0]],
         mesh.vertices[mesh.faces[:, 2]] - mesh.vertices[mesh.faces[:, 0]],
@@ -40,7 +50,7 @@ def flat_patches(mesh: TriMesh, angle_rad: float = 0.02) -> list[TriMesh]:
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
     pairs = _neighbours(mesh)
     flat = np.abs(np.einsum("pi,pi->p", normals[pairs[:, 0]], normals[pairs[:, 1]])) > np.cos(angle_rad)
-    return _split(mesh, _labels(pairs[flat], len(mesh.faces)))
+    return _split(mesh, _labels(pairs[flat], len(mesh.faces)), most)
 
 
 def _neighbours(mesh: TriMesh) -> np.ndarray:
@@ -59,7 +69,9 @@ def _labels(edges: np.ndarray, count: int) -> np.ndarray:
     return connected_components(graph, directed=False)[1]
 
 
-def _split(mesh: TriMesh, face_labels: np.ndarray) -> list[TriMesh]:
+def _split(mesh: TriMesh, face_labels: np.ndarray, most: int | None) -> list[TriMesh]:
+    if most is not None and len(face_labels) and face_labels.max() >= most:
+        return [mesh]
     pieces = []
     for k in np.unique(face_labels):
         used, faces = np.unique(mesh.faces[face_labels == k], return_inverse=True)
@@ -120,9 +132,42 @@ def limit_vertices(points: np.ndarray, most: int) -> np.ndarray:
 def distance_to_surface(points: np.ndarray, mesh: TriMesh) -> np.ndarray:
     """Distance of each point (N, 3) to the nearest point of a mesh's triangles. -> (N,), metres, exact."""
     corners = mesh.vertices[mesh.faces]  # (F, 3, 3)
+    return _nearest_of_many(points, corners) if len(corners) > _FEW_FACES else _nearest_of_all(points, corners)
+
+
+def _nearest_of_all(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     step = max(1, _CHUNK // max(len(corners), 1))
     chunks = [_nearest(points[i : i + step], corners) for i in range(0, len(points), step)]
     return np.concatenate(chunks)
+
+
+def _nearest_of_many(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """`_nearest`, for which only those triangles are looked at whose spheres reach nearer than a known corner.
+
+    Triangles of like size share a search tree, so that a few large ones do not widen the search among small ones.
+    """
+    from scipy.spatial import cKDTree
+
+    centres = corners.mean(axis=1)
+    reach = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
+    nearest = cKDTree(corners.reshape(-1, 3)).query(points)[0]
+    sizes = np.frexp(reach)[1]
+    for size in np.unique(sizes):
+        of_size = np.flatnonzero(sizes == size)
+        within = nearest + float(reach[of_size].max())
+        tree = cKDTree(centres[of_size])
+        counts = tree.query_ball_point(points, within, return_length=True)
+        if counts.sum() > _MANY_SHARE * len(points) * len(of_size):  # needles, say: all of them are sooner done
+            nearest = np.minimum(nearest, _nearest_of_all(points, corners[of_size]))
+            continue
+        found = tree.query_ball_point(points, within, return_sorted=True)
+        point = np.repeat(np.arange(len(points)), counts)
+        triangle = of_size[np.concatenate([np.asarray(one, dtype=np.int64) for one in found])]
+        for i in range(0, len(point), _CHUNK):
+            at = slice(i, i + _CHUNK)
+            distance = point_triangle_distance(points[point[at]], corners[triangle[at]])
+            np.minimum.at(nearest, point[at], distance)
+    return nearest
 
 
 def _nearest(points: np.ndarray, corners: np.ndarray) -> np.ndarray:

@@ -47,6 +47,13 @@ def shape_hull(shape: CollisionShape) -> ConvexHull:
     return convex_hull(transform_points(shape.position, shape.quaternion, points))
 
 
+def moved_hull(hull: ConvexHull, shift: np.ndarray) -> ConvexHull:
+    """A hull moved by a vector (3,)."""
+    offsets = hull.planes[:, 3] - hull.planes[:, :3] @ shift
+    planes = np.column_stack((hull.planes[:, :3], offsets))
+    return ConvexHull(hull.mesh.transformed(shift), planes, hull.volume_m3)
+
+
 def _probe_points(link: Link) -> np.ndarray:
     rng = np.random.default_rng(0)
     meshes = [shape_hull(shape).mesh for shape in link.collisions]

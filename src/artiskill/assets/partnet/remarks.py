@@ -10,6 +10,7 @@ from artiskill.assets.partnet.overlaps import find_overlaps
 from artiskill.assets.partnet.part_names import WHEEL
 from artiskill.assets.partnet.semantics import UNKNOWN
 from artiskill.assets.volumes import shapes_volume_m3
+from artiskill.geometry.exact import total
 
 
 def part_names(drawn: Sequence[Sequence[DrawnMesh]]) -> dict[str, str]:
@@ -24,7 +25,7 @@ def part_names(drawn: Sequence[Sequence[DrawnMesh]]) -> dict[str, str]:
 def measures(links: Sequence[Link], handles: Sequence[Handle], bounds: np.ndarray) -> dict[str, object]:
     """Size at rest, mass, number of joints, kinds of handles: under the same names as of generated objects."""
     depth, width, height = (round(float(v), 4) for v in np.ptp(bounds, axis=0))
-    mass = sum(link.density_kg_m3 * shapes_volume_m3(link.collisions) for link in links)
+    mass = total(link.density_kg_m3 * shapes_volume_m3(link.collisions) for link in links)
     return {
         "width_m": width,
         "depth_m": depth,

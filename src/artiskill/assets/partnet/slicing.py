@@ -5,15 +5,21 @@ every slice of such a part is nearly convex.
 """
 
 import itertools
+from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
 from artiskill.assets.partnet.meshes import distance_to_surface, limit_vertices, principal_axes, thick_hull
+from artiskill.geometry.exact import total
 from artiskill.geometry.hulls import convex_hull, depth_inside
 from artiskill.geometry.meshes import TriMesh, merge, sample_surface
 
 _PROBES = 200
 _NEAR_SHARE = 0.95  # of the slices' surface that must lie near the drawn one
+_PIECE_PROBES = 100
+_CUTS = (0.25, 0.375, 0.5, 0.625, 0.75)  # of a piece's extent along an axis
+_ON_CUT_M = 1e-4
 _MERGE_DISTANCE_M = 1e-7
 _ON_SURFACE_M = 1e-6
 # Neighbours reach into one another by so much, and at most this share of a slice: no seam between them catches.
@@ -79,7 +85,7 @@ def slice_hulls(
     for count in range(1, most + 1):
         for axis in axes[: 1 if count == 1 else 3]:
             hulls = _sliced(mesh, axis, count, thickness_m)
-            error = _distance(hulls, mesh)
+            error = hull_distance(hulls, mesh)
             if best is None or error < 0.8 * best[1]:  # more slices must be worth their cost
                 best = (hulls, error)
         assert best is not None
@@ -87,6 +93,83 @@ def slice_hulls(
             break
     assert best is not None
     return [limit_vertices(hull, max_vertices) for hull in best[0]], best[1]
+
+
+def bisect_hulls(
+    mesh: TriMesh, most: int, tolerance_m: float, thickness_m: float, max_vertices: int
+) -> tuple[list[np.ndarray], float]:
+    """Convex pieces of a surface, cut in two again and again where its hull lies furthest off.
+
+    Each cut is the one of some across the piece's own axes that leaves the least volume. What bends, forks or is
+    hollow in several directions needs fewer of these than slices across one axis.
+
+    Arguments and result as in `slice_hulls`.
+    """
+    pieces = [_Piece(mesh, thickness_m, mesh)]
+    finished: list[_Piece] = []
+    while pieces and len(pieces) + len(finished) < most:
+        worst = max(range(len(pieces)), key=lambda k: (pieces[k].off_m, -k))
+        if pieces[worst].off_m <= tolerance_m:
+            break
+        piece = pieces.pop(worst)
+        halves = _best_cut(piece, thickness_m, mesh)
+        if halves is None:
+            finished.append(piece)
+        else:
+            pieces += halves
+    hulls = [limit_vertices(piece.corners, max_vertices) for piece in finished + pieces]
+    return hulls, hull_distance(hulls, mesh)
+
+
+class _Piece:
+    """A part of a surface between cuts.
+
+    Attributes:
+        mesh: its triangles.
+        corners: (V, 3) of its hull.
+        volume_m3: of the hull.
+        off_m: within which most of the hull's surface lies from the whole surface; its cuts do not count.
+    """
+
+    def __init__(
+        self, mesh: TriMesh, thickness_m: float, whole: TriMesh, planes: Sequence[tuple[np.ndarray, float]] = ()
+    ) -> None:
+        self.mesh, self.planes = mesh, tuple(planes)
+        self._whole = whole
+        self.corners = _thick_corners(mesh.vertices, thickness_m)
+        hull = convex_hull(self.corners)
+        self.volume_m3, self._surface = hull.volume_m3, hull.mesh
+
+    @cached_property
+    def off_m(self) -> float:
+        points = sample_surface([self._surface], _PIECE_PROBES, np.random.default_rng(0))
+        for normal, offset in self.planes:
+            points = points[np.abs(points @ normal - offset) > _ON_CUT_M]
+        if not len(points):
+            return 0.0
+        return float(np.quantile(distance_to_surface(points, self._whole), _NEAR_SHARE))
+
+
+def _best_cut(piece: _Piece, thickness_m: float, whole: TriMesh) -> list[_Piece] | None:
+    """A piece's two halves, of least volume; None where no cut leaves two."""
+    best: list[_Piece] | None = None
+    for axis in principal_axes(piece.mesh.vertices):
+        along = piece.mesh.vertices @ axis
+        low, high = float(along.min()), float(along.max())
+        for share in _CUTS:
+            at = low + share * (high - low)
+            upper, lower = cut(piece.mesh, axis, at), cut(piece.mesh, -axis, -at)
+            if upper is None or lower is None:
+                continue
+            planes = (*piece.planes, (axis, at))
+            halves = [_Piece(half, thickness_m, whole, planes) for half in (lower, upper)]
+            if best is None or _volume(halves) < (1 - 1e-6) * _volume(best):
+                best = halves
+    return best
+
+
+def _volume(pieces: Sequence[_Piece]) -> float:
+    return total(piece.volume_m3 for piece in pieces)
 
 
 def _sliced(mesh: TriMesh, axis: np.ndarray, count: int, thickness_m: float) -> list[np.ndarray]:
@@ -111,7 +194,7 @@ def _thick_corners(points: np.ndarray, thickness_m: float) -> np.ndarray:
     return thick_hull(points[np.sort(keep)], thickness_m)[0].mesh.vertices
 
 
-def _distance(hulls: list[np.ndarray], mesh: TriMesh) -> float:
+def hull_distance(hulls: list[np.ndarray], mesh: TriMesh) -> float:
     """How near (metres) 95 % of the hulls' outer surface lies to the mesh; the cuts between them do not count."""
     solids = [convex_hull(hull) for hull in hulls]
     points = sample_surface([merge(s.mesh for s in solids)], _PROBES, np.random.default_rng(0))
