@@ -259,3 +259,10 @@ def test_a_reader_that_leaves_is_no_error() -> None:
         done = subprocess.run([*COMMAND, "objects"], stdout=gone, stderr=subprocess.PIPE, text=True, timeout=60)
     assert done.returncode == 141
     assert done.stderr == ""
+
+
+def test_folder_and_film_cannot_be_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    place = str(tmp_path / "film.gif")
+    assert main(["evaluate", "--policy", "still", "--out", place, "--video", place]) == 2
+    assert "--out and --video both name" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

@@ -36,10 +36,40 @@ def test_nothing_outside_is_mentioned(odd_chair, tmp_path):
 
 
 def test_an_earlier_export_is_replaced(odd_chair, tmp_path):
-    export_object(odd_chair, "mjcf", tmp_path / "out")
+    path = export_object(odd_chair, "urdf", tmp_path / "out")
+    whole = path.read_bytes()
+    path.write_text("changed")
     export_object(odd_chair, "urdf", tmp_path / "out")
-    assert not (tmp_path / "out" / "odd-chair.xml").exists()
+    assert path.read_bytes() == whole
     assert [path.name for path in tmp_path.iterdir()] == ["out"], "no temporary folder is left"
+
+
+def test_other_files_beside_an_export_are_left_alone_unless_forced(odd_chair, tmp_path):
+    folder = export_object(odd_chair, "urdf", tmp_path / "out").parent
+    (folder / "mine").mkdir()
+    (folder / "mine" / "weights.pt").write_text("mine")
+    with pytest.raises(ConfigError, match=r"holds 'mine/weights\.pt', which no export wrote.*--force"):
+        export_object(odd_chair, "urdf", folder)
+    assert (folder / "mine" / "weights.pt").read_text() == "mine"
+    export_object(odd_chair, "urdf", folder, force=True)
+    assert not (folder / "mine").exists()
+
+
+def test_an_export_in_another_format_is_left_alone_unless_forced(odd_chair, tmp_path):
+    path = export_object(odd_chair, "mjcf", tmp_path / "out")
+    with pytest.raises(ConfigError, match=r"an export of 'odd-chair' as mjcf.*--force"):
+        export_object(odd_chair, "urdf", tmp_path / "out")
+    assert path.is_file()
+    export_object(odd_chair, "urdf", tmp_path / "out", force=True)
+    assert not path.exists()
+
+
+def test_a_folder_of_several_exports_is_told_as_such(odd_chair, tmp_path):
+    list(export_objects([odd_chair, "bucket-0001"], "mjcf", tmp_path / "all"))
+    with pytest.raises(
+        ConfigError, match=r"exports in folders of their own \(bucket-0001, odd-chair\).*all/odd-chair"
+    ):
+        export_object(odd_chair, "mjcf", tmp_path / "all")
 
 
 @pytest.mark.parametrize("object_id", ["bucket-0001", "bucket-0002"])

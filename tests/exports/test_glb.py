@@ -12,7 +12,7 @@ from artiskill.assets.catalog import load_object
 from artiskill.errors import MissingExtraError
 from artiskill.exports.export import export_object
 from artiskill.exports.obj_files import smooth_mesh
-from artiskill.geometry.meshes import box
+from artiskill.geometry.meshes import TriMesh, box
 
 
 def header(path: Path) -> dict:
@@ -90,3 +90,11 @@ def test_creases_double_vertices():
     mesh, normals = smooth_mesh(box((1, 1, 1)))
     assert len(mesh.vertices) == len(normals) == 24, "each corner of a box has three normals"
     assert len(mesh.faces) == 12
+
+
+def test_triangles_without_area_get_a_unit_normal():
+    """Real objects have some; a normal of length 0 is an error of Khronos' validator."""
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0, 0]], dtype=float)
+    mesh, normals = smooth_mesh(TriMesh(vertices, np.array([[0, 1, 2], [0, 3, 1]])))
+    assert len(mesh.faces) == 2
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-3)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -67,3 +69,12 @@ def test_the_object_stands_inside_the_picture(cabinet):
 def test_bad_arguments_are_named(cabinet, change, message):
     with pytest.raises(ConfigError, match=message):
         render_object(cabinet, **{**SMALL, **change})
+
+
+def test_a_hung_cabinet_is_seen_from_behind_without_its_wall():
+    hung = load_object("cabinet-0002")
+    behind, before = (render_object(hung, width=96, height=72, azimuth_deg=azimuth) for azimuth in (0, 180))
+    alone = replace(hung, links=tuple(hung.links[i] for i in hung.own_links))
+    np.testing.assert_array_equal(behind, render_object(alone, width=96, height=72, azimuth_deg=0))
+    assert behind.reshape(-1, 3).std(axis=0).min() > 10
+    assert (before != render_object(alone, width=96, height=72, azimuth_deg=180)).any()

@@ -66,6 +66,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     if arguments.workers != 1 or arguments.policy.endswith(".py"):  # it imports while this process does
         fork_server().prepare(partial(import_module, "artiskill.evaluation.evaluate"))
+    from artiskill.errors import ConfigError
     from artiskill.evaluation.evaluate import check_workers
     from artiskill.evaluation.recording import check_video
     from artiskill.evaluation.report_files import check_report_folder, write_files
@@ -76,6 +77,8 @@ def run(arguments: argparse.Namespace) -> None:
         check_video(arguments.video, arguments.video_episodes)
     if arguments.out is not None:
         check_report_folder(arguments.out)
+        if arguments.video is not None and arguments.video.resolve() == arguments.out.resolve():
+            raise ConfigError(f"--out and --video both name {str(arguments.out)!r}: one is a folder, one a file")
     with _earlier_report_told(arguments.out):
         plan = _plan(arguments)
         workers = available_cores() if arguments.workers is None else arguments.workers

@@ -34,9 +34,9 @@ def export_object(
         obj: the object.
         format: `mjcf` (MuJoCo), `urdf` (laid out like PartNet-Mobility; `load_object` reads it back) or `glb`,
             also called `gltf` (binary glTF, for looking at; needs the extra `export`).
-        folder: made where it is missing; it appears complete or not at all. An earlier export of this object there
-            is replaced.
-        force: also replace a folder with other files in it, or with another object.
+        folder: made where it is missing; it appears complete or not at all. An earlier export of this object in
+            this format is replaced.
+        force: also replace a folder with other files in it, with another object, or in another format.
 
     Returns:
         The main file: `<id>.xml`, `mobility.urdf` or `<id>.glb`.
@@ -81,7 +81,7 @@ def export_objects(
     name, above, items = format_named(format), output_path(folder), tuple(objects)
     for item in items:
         object_id = object_id_of(item)
-        check_replaceable(above / object_id, object_id, force)
+        check_replaceable(above / object_id, object_id, name, force)
     for item in items:
         obj = load_object(item) if isinstance(item, str) else item
         yield obj, export_object(obj, name, above / obj.id, force)

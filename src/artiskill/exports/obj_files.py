@@ -123,8 +123,12 @@ def obj_text(mesh: TriMesh, material: str | None = None) -> str:
 
 
 def smooth_mesh(mesh: TriMesh) -> tuple[TriMesh, np.ndarray]:
-    """A mesh whose vertices have one normal each, (V, 3): those on a crease are doubled."""
+    """A mesh whose vertices have one unit normal each, (V, 3): those on a crease are doubled.
+
+    The corners of a triangle without area, as real objects have, get one that points up.
+    """
     normals, index = _distinct_normals(mesh)
+    normals = np.where((normals == 0.0).all(axis=1, keepdims=True), (0.0, 0.0, 1.0), normals)
     corners = np.stack((mesh.faces, index), axis=-1).reshape(-1, 2)
     pairs, faces = np.unique(corners, axis=0, return_inverse=True)
     uvs = None if mesh.uvs is None else mesh.uvs[pairs[:, 0]]

@@ -1,11 +1,12 @@
 """Pictures of an object alone, its joints anywhere in their ranges: no robot, no task, no engine."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.kinematics import drawn_points, joint_values, link_poses
+from artiskill.geometry.rotations import transform_points
 from artiskill.sensors.camera import Camera
 from artiskill.sensors.framing import framing_camera, orbit_camera
 from artiskill.sensors.render_config import RenderConfig, load_render_config
@@ -28,9 +29,13 @@ class ObjectView:
             obj: the object.
             config: how to draw; by default as pictures for people.
         """
-        self.object = obj
-        visuals = [BodyVisual(i, visual) for i, link in enumerate(obj.links) for visual in link.visuals]
-        self._renderer = Renderer(visuals, config or load_render_config())
+        self.object, self._config = obj, config or load_render_config()
+        self._renderer = self._make_renderer(range(len(obj.links)))
+        self._without_wall: Renderer | None = None  # built when first looked at from behind
+
+    def _make_renderer(self, links: Iterable[int]) -> Renderer:
+        visuals = [BodyVisual(i, visual) for i in links for visual in self.object.links[i].visuals]
+        return Renderer(visuals, self._config)
 
     def camera(
         self,
@@ -71,9 +76,23 @@ class ObjectView:
         return orbit_camera(target, distance_m, azimuth_deg, elevation_deg, width, height, fov_deg)
 
     def draw(self, joint_fractions: Fractions, camera: Camera) -> np.ndarray:
-        """The object in one state, (H, W, 3) uint8."""
+        """The object in one state, (H, W, 3) uint8; from behind, without the wall that it hangs on."""
         poses = link_poses(self.object, joint_values(self.object, joint_fractions))
-        return self._renderer.render(*poses, [camera]).rgb[0]
+        return self._renderer_for(camera, *poses).render(*poses, [camera]).rgb[0]
+
+    def _renderer_for(self, camera: Camera, positions: np.ndarray, quaternions: np.ndarray) -> Renderer:
+        """The one without the wall, if the camera is behind its face: objects that hang face -x."""
+        walls = set(range(len(self.object.links))) - set(self.object.own_links)
+        faces = [
+            transform_points(positions[i], quaternions[i], visual.mesh.vertices)[:, 0].min()
+            for i in walls
+            for visual in self.object.links[i].visuals
+        ]
+        if not faces or camera.position_w[0] <= min(faces):
+            return self._renderer
+        if self._without_wall is None:
+            self._without_wall = self._make_renderer(self.object.own_links)
+        return self._without_wall
 
 
 def render_object(

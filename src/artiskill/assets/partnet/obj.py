@@ -20,7 +20,7 @@ from artiskill.geometry.meshes import TriMesh, triangle_areas
 # The data set's models measure about 2 across; areas and volumes of larger coordinates would overflow.
 _LARGEST_COORDINATE = 1e6
 # 100,000 faces have 10 MB; an object of many more takes minutes to cut into convex pieces
-_MOST_BYTES, MOST_FACES = 100_000_000, 300_000
+_MOST_BYTES, MOST_FACES = 100_000_000, 600_000
 
 
 @dataclass(frozen=True, eq=False)
