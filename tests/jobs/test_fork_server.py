@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from artiskill.errors import PolicyError
+from artiskill.jobs import parallel as parallel_module
 from artiskill.jobs import workers as workers_module
 from artiskill.jobs.fork_server import ForkServer, fork_server
 from artiskill.jobs.parallel import run_jobs, run_source
@@ -53,6 +54,13 @@ def dawdle(job: int, tell: Tell) -> int:
     time.sleep(5.0 * (job == 2))
     tell(IDLE)
     return job
+
+
+def fail_after_tenths(job: int, tell: Tell) -> None:
+    for _ in range(job):
+        time.sleep(0.1)
+        tell("news")
+    raise PolicyError(f"job {job} failed")
 
 
 def is_running(pid: int) -> bool:
@@ -106,6 +114,7 @@ def test_news_results_and_sources_are_as_ever() -> None:
 @pytest.mark.parametrize("workers", [1, 2])
 def test_errors_are_as_ever(workers: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers_module, "_GRACE_S", 0.2)
+    monkeypatch.setattr(parallel_module, "_PATIENCE_S", 1.0)
     with pytest.raises(PolicyError, match=r"^job 0: a worker process ended by itself \(exit status 7\): because$"):
         run_jobs(vanish, [0], workers, describe="job {}".format, isolated=True, hint="because")
     with pytest.raises(RuntimeError, match=r"^HomebodyError: 3 and 4\n"):
@@ -117,6 +126,12 @@ def test_errors_are_as_ever(workers: int, monkeypatch: pytest.MonkeyPatch) -> No
     if workers == 2:
         with pytest.raises(PolicyError, match="job 1 stumbled"):
             run_jobs(hang_or_stumble, [0, 1], workers, isolated=True)
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3])
+def test_of_several_that_fail_the_first_in_order_counts(workers: int) -> None:
+    with pytest.raises(PolicyError, match="job 5 failed"):
+        run_jobs(fail_after_tenths, [5, 0, 1], workers, isolated=True)
 
 
 def test_what_a_job_starts_ends_with_it(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from multiprocessing.connection import wait as wait_for_any
@@ -12,6 +13,7 @@ from artiskill.jobs.fork_server import fork_server
 from artiskill.jobs.workers import Worker, spawn_workers, stop_workers
 
 _POLL_S = 0.05
+_PATIENCE_S = 20.0  # with jobs before one that has failed
 _HINT = "the policy ended it, or memory ran out; try 1 worker"
 
 Job = TypeVar("Job")
@@ -66,7 +68,8 @@ def run_jobs(
         The results, in the order of the jobs.
 
     Raises:
-        ArtiSkillError: what a job raised, as any other exception; of several, the first that became known.
+        ArtiSkillError: what a job raised, as any other exception; of several, the first that became known, of
+            isolated ones the first in their order.
         PolicyError: a worker ended by itself, or was `Busy` for too long.
         KeyboardInterrupt: Ctrl-C; its text names the jobs that had to be ended, if there were any.
     """
@@ -149,6 +152,7 @@ class _Crew:
         self._source, self._on_news, self._describe, self._hint = source, on_news, describe, hint
         self._given: list[Any] = []
         self._has_next = True
+        self._heard_s = time.monotonic()
 
     def run(self, function: Callable[[Any, Any], Any], count: int) -> None:
         """Have all jobs done."""
@@ -158,30 +162,51 @@ class _Crew:
             self._give_next()
 
     def run_isolated(self, function: Callable[[Any, Any], Any], count: int) -> None:
-        """Have all jobs done, each in a process of its own, so many at a time."""
-        server = fork_server()
+        """Have all jobs done, each in a process of its own, so many at a time.
+
+        Of several that fail, the first in their order counts, as with one process: those before it are waited for,
+        as long as one of them is heard of now and then.
+        """
+        server, failures = fork_server(), dict[int, Exception]()
         while True:
-            while self._busy < count and (job := self._source.next()) is not None:
+            while not failures and self._busy < count and (job := self._source.next()) is not None:
                 self.workers.append(server.start(function))
                 self._give(self.workers[-1], job)
+            if failures and not self._may_fail_before(min(failures)):
+                raise failures[min(failures)]
             if not self._busy:
                 return
-            self._attend_all()
+            self._attend_all(failures)
             for worker in self.workers:
                 if worker.job is None and not worker.is_retired:
                     worker.retire()
             self.workers = [worker for worker in self.workers if not (worker.is_retired and worker.has_left)]
 
+    def _may_fail_before(self, number: int) -> bool:
+        """Whether a job before this one is at work, and was heard of lately."""
+        is_silent = time.monotonic() - self._heard_s > _PATIENCE_S
+        return not is_silent and any(w.job is not None and w.job < number for w in self.workers)
+
     @property
     def _busy(self) -> int:
         return sum(worker.job is not None for worker in self.workers)
 
-    def _attend_all(self) -> None:
-        """Wait until any has something to say, or a moment; hear it."""
+    def _attend_all(self, failures: dict[int, Exception] | None = None) -> None:
+        """Wait until any has something to say, or a moment; hear it.
+
+        Args:
+            failures: where to put the errors of jobs, by number; raised at once where None.
+        """
         wanted = [worker for worker in self.workers if worker.is_wanted]
         wait_for_any([sign for worker in wanted for sign in worker.signs], timeout=_POLL_S)
         for worker in wanted:
-            self._attend(worker)
+            try:
+                self._attend(worker)
+            except Exception as error:
+                if failures is None or worker.job is None:
+                    raise
+                failures[worker.job] = error
+                worker.job, worker.is_ready = None, True
 
     def name_of(self, worker: Worker) -> str:
         """What it is working on."""
@@ -189,6 +214,7 @@ class _Crew:
 
     def _attend(self, worker: Worker) -> None:
         for kind, value in worker.messages():
+            self._heard_s = time.monotonic()
             if kind == "news":
                 self._on_news(value)
             elif kind == "failed":
