@@ -266,3 +266,12 @@ def test_folder_and_film_cannot_be_one(tmp_path: Path, capsys: pytest.CaptureFix
     assert main(["evaluate", "--policy", "still", "--out", place, "--video", place]) == 2
     assert "--out and --video both name" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+def test_errors_do_not_drive_the_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    solution = tmp_path / "solution.py"
+    solution.write_text("def policy(observation):\n    raise ValueError('red \\x1b[31m and \\x00 and \\x9b')\n")
+    assert main(["evaluate", "--policy", str(solution), "--objects", "cabinet-0005", "--episodes", "1"]) == 2
+    said = capsys.readouterr().err
+    assert r"red \x1b[31m and \x00 and \x9b" in said
+    assert not set("\x1b\x00\x9b") & set(said)

@@ -1,6 +1,7 @@
 """`artiskill`: finds the command, runs it, and turns errors into one line and an exit status."""
 
 import os
+import re
 import sys
 from collections.abc import Sequence
 
@@ -32,7 +33,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ArtiSkillError as error:
         if debug:
             raise
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {_printable(str(error))}", file=sys.stderr)
         return EXIT_ERROR
     except KeyboardInterrupt as interrupt:
         if debug:
@@ -44,6 +45,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains while it ends
         return EXIT_BROKEN_PIPE
     return EXIT_OK if status is None else status
+
+
+def _printable(text: str) -> str:
+    """Return a text with control characters escaped: what a stranger's code raised must not drive the terminal."""
+    return re.sub(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", lambda found: repr(found[0])[1:-1], text)
 
 
 def make_parser() -> Parser:
