@@ -16,6 +16,7 @@ from artiskill.exports.export import export_objects
 
 SCRIPT = Path(__file__).with_name("validate_gltf.js")
 PACKAGE = "gltf-validator"
+DATASET = "PARTNET_MOBILITY_DATASET"
 ERROR, WARNING = 0, 1  # severities of the validator; below are hints
 Issues = list[dict[str, Any]]
 
@@ -69,3 +70,12 @@ def test_every_object_of_the_catalogue_passes(
     found = dict(zip(names, validate(files), strict=True))
     assert len(found) == 193
     assert {name: issues for name, issues in found.items() if issues} == {}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(DATASET not in os.environ, reason=f"set {DATASET} to export objects 40147 and 179")
+def test_real_objects_pass(validate: Callable[[list[Path]], list[Issues]], tmp_path: Path) -> None:
+    """They have triangles without area, which have no normals."""
+    names = ("partnet:40147", "partnet:179")
+    written = [file for _, file in export_objects(names, "glb", tmp_path)]
+    assert validate(written) == [[], []]
