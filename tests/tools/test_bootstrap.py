@@ -1,10 +1,10 @@
 """`tools/bootstrap.py`: what it says and refuses, without network; every CI run tries the rest."""
 
 import hashlib
-import importlib.util
 import json
 import sys
 import urllib.error
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -13,13 +13,8 @@ import pytest
 
 
 @pytest.fixture
-def bootstrap(root: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location("bootstrap_under_test", root / "tools" / "bootstrap.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def bootstrap(load_tool: Callable[[str], ModuleType]) -> ModuleType:
+    return load_tool("bootstrap")
 
 
 @pytest.fixture
@@ -196,12 +191,8 @@ def test_the_stamp_is_readable(checkout: SimpleNamespace, bootstrap: ModuleType)
     assert stamp == {"key": bootstrap.environment_key(checkout.root), "extras": ["test"]}
 
 
-def test_the_files_of_a_commit(root: Path, tmp_path: Path, bootstrap: ModuleType) -> None:
-    spec = importlib.util.spec_from_file_location("check_text_under_test", root / "tools" / "check_text.py")
-    assert spec is not None
-    assert spec.loader is not None
-    check_text = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(check_text)
+def test_the_files_of_a_commit(tmp_path: Path, load_tool: Callable[[str], ModuleType]) -> None:
+    check_text = load_tool("check_text")
     path = tmp_path / "a.txt"
     for data, fault in [
         (b"fine\n", None),

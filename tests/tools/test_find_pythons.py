@@ -1,7 +1,7 @@
 """`tools/find_pythons.py`: the oldest and the newest Python that runs, wherever it lies."""
 
-import importlib.util
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -9,13 +9,8 @@ import pytest
 
 
 @pytest.fixture
-def tool(root: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location("find_pythons_under_test", root / "tools" / "find_pythons.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def tool(load_tool: Callable[[str], ModuleType]) -> ModuleType:
+    return load_tool("find_pythons")
 
 
 def put(folder: Path, version: str, answer: str | None = None, status: int = 0) -> Path:

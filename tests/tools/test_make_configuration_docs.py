@@ -1,7 +1,7 @@
 """docs/configuration.md says what is true: its tables are those of the code, and its own code runs."""
 
-import importlib.util
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -13,15 +13,8 @@ import pytest
 
 
 @pytest.fixture
-def tool(root: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(
-        "make_configuration_docs", root / "tools" / "make_configuration_docs.py"
-    )
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def tool(load_tool: Callable[[str], ModuleType]) -> ModuleType:
+    return load_tool("make_configuration_docs")
 
 
 def test_the_page_is_up_to_date(tool: ModuleType) -> None:

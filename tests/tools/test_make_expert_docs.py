@@ -1,7 +1,7 @@
 """docs/experts.md: its tables are made from demonstrations that hold."""
 
-import importlib.util
 import re
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -14,13 +14,8 @@ from artiskill.demos.verify import Verdict
 
 
 @pytest.fixture
-def tool(root: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location("make_expert_docs", root / "tools" / "make_expert_docs.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def tool(load_tool: Callable[[str], ModuleType]) -> ModuleType:
+    return load_tool("make_expert_docs")
 
 
 def test_the_page_says_what_the_files_hold(

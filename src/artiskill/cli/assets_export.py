@@ -40,7 +40,9 @@ def add_command(commands: Any) -> None:
         "(default: exported/<format>)",
     )
     parser.add_argument(
-        "--force", action="store_true", help="replace a folder that holds other files, or another object"
+        "--force",
+        action="store_true",
+        help="replace a folder that holds anything but the same object in this format",
     )
     parser.set_defaults(run=run)
 

@@ -67,7 +67,6 @@ def check_replaceable(folder: Path, object_id: str, form: str, force: bool) -> N
 def _held(folder: Path, object_id: str, form: str) -> str:
     """What a folder holds that would be lost; empty where an export of this object, in this format, is all."""
     marker = _read_marker(folder)
-    there = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir())
     if marker is None:
         others = [path.name for path in sorted(folder.iterdir()) if _read_marker(path) is not None]
         if others:
@@ -78,7 +77,8 @@ def _held(folder: Path, object_id: str, form: str) -> str:
         return f"an export of {marker['object']!r}"
     if marker["format"] != form:
         return f"an export of {object_id!r} as {marker['format']}"
-    added = sorted(set(there) - {MARKER, *marker["files"]})
+    there = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir()}
+    added = sorted(there - {MARKER, *marker["files"]})
     return f"{added[0]!r}, which no export wrote" if added else ""
 
 

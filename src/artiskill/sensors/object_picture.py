@@ -82,11 +82,11 @@ class ObjectView:
 
     def _renderer_for(self, camera: Camera, positions: np.ndarray, quaternions: np.ndarray) -> Renderer:
         """The one without the wall, if the camera is behind its face: objects that hang face -x."""
-        walls = set(range(len(self.object.links))) - set(self.object.own_links)
         faces = [
             transform_points(positions[i], quaternions[i], visual.mesh.vertices)[:, 0].min()
-            for i in walls
-            for visual in self.object.links[i].visuals
+            for i, link in enumerate(self.object.links)
+            if link.is_wall
+            for visual in link.visuals
         ]
         if not faces or camera.position_w[0] <= min(faces):
             return self._renderer
