@@ -10,7 +10,7 @@ import pytest
 
 import artiskill
 from artiskill.geometry.arrays import dot
-from artiskill.geometry.exact import arccos, arcsin, arctan2, exp, power, product, total, turned
+from artiskill.geometry.exact import arccos, arcsin, arctan2, exp, matmul, power, rotate, total
 
 SOURCE = Path(artiskill.__file__).parent
 ROOMS = ("geometry", "assets", "robots", "scene", "sim", "sensors", "tasks", "envs")
@@ -38,15 +38,15 @@ EXEMPT = {
 def test_products_are_products(inner: int) -> None:
     rng = np.random.default_rng(inner)
     a, b, v = rng.normal(size=(5, 4, inner)), rng.normal(size=(5, inner, 7)), rng.normal(size=(5, inner))
-    np.testing.assert_allclose(product(a, b), a @ b, atol=1e-14)
-    np.testing.assert_allclose(product(a[0], b), a[0] @ b, atol=1e-14)
-    np.testing.assert_allclose(turned(a, v), (a @ v[..., None])[..., 0], atol=1e-14)
+    np.testing.assert_allclose(matmul(a, b), a @ b, atol=1e-14)
+    np.testing.assert_allclose(matmul(a[0], b), a[0] @ b, atol=1e-14)
+    np.testing.assert_allclose(rotate(a, v), (a @ v[..., None])[..., 0], atol=1e-14)
     np.testing.assert_allclose(dot(v, v[0]), (v * v[0]).sum(axis=1), atol=1e-14)
 
 
 def test_a_product_adds_from_first_to_last() -> None:
     values = np.array([[1e16, 1.0, -1e16, 1.0]])
-    assert product(values, np.ones((4, 1)))[0, 0] == ((1e16 + 1.0) - 1e16) + 1.0
+    assert matmul(values, np.ones((4, 1)))[0, 0] == ((1e16 + 1.0) - 1e16) + 1.0
 
 
 def test_a_total_adds_from_first_to_last_on_every_python() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from artiskill.assets.articulated_object import Handle
 from artiskill.errors import AssetError
 from artiskill.geometry.arrays import norm
-from artiskill.geometry.exact import arctan2, product
+from artiskill.geometry.exact import arctan2, matmul
 from artiskill.geometry.hulls import convex_hull
 from artiskill.geometry.meshes import TriMesh, sample_surface
 from artiskill.geometry.rotations import quat_from_axis_angle, quat_from_matrix, quat_multiply
@@ -94,11 +94,11 @@ def grasp_depth(thickness_m: float) -> float:
 def _middle_grip(hull: TriMesh, outward: np.ndarray) -> Grip:
     along, across = _face_axes(hull, outward)
     frame = np.stack((along, across, outward))  # rows: axes of the face
-    in_frame = product(hull.vertices, frame.T)
+    in_frame = matmul(hull.vertices, frame.T)
     low, high = in_frame.min(axis=0), in_frame.max(axis=0)
     centre = (low + high) / 2
     centre[2] = high[2] - grasp_depth(high[2] - low[2])
-    return Grip(product(centre[None], frame)[0], across[None], float(high[1] - low[1]))
+    return Grip(matmul(centre[None], frame)[0], across[None], float(high[1] - low[1]))
 
 
 def is_handle_part(part: str) -> bool:
@@ -116,14 +116,14 @@ def _face_axes(hull: TriMesh, outward: np.ndarray) -> tuple[np.ndarray, np.ndarr
     u = np.cross(helper, outward)
     u /= norm(u)
     v = np.cross(outward, u)
-    flat = product(hull.vertices, np.stack((u, v), axis=1))
+    flat = matmul(hull.vertices, np.stack((u, v), axis=1))
     edges = (flat[np.roll(hull.faces, -1, axis=1)] - flat[hull.faces]).reshape(-1, 2)
     edges = edges[norm(edges) > 1e-9]
     # rounded before the modulo, lest an angle of -1e-17 becomes a right one; ties go to the least turned
     angles = np.unique(np.round(arctan2(edges[:, 1], edges[:, 0]), 9) % round(np.pi / 2, 9))
     turns = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
-    widths = np.ptp(product(flat, turns.T), axis=0)
-    heights = np.ptp(product(flat, np.stack((-turns[:, 1], turns[:, 0]))), axis=0)
+    widths = np.ptp(matmul(flat, turns.T), axis=0)
+    heights = np.ptp(matmul(flat, np.stack((-turns[:, 1], turns[:, 0]))), axis=0)
     best = int(np.argmin(np.round(widths * heights, 12)))
     c, s = turns[best]
     first, second = c * u + s * v, -s * u + c * v

@@ -5,7 +5,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from artiskill.geometry.arrays import clamp
+from artiskill.geometry.arrays import clip
 from artiskill.robots.actions import ActionScale, action_scale, check_action
 from artiskill.robots.config import RobotConfig
 from artiskill.robots.operational_space import (
@@ -67,7 +67,7 @@ class Control:
             return values
         joint = self._space.to_joint(values, jacobians(snapshot))
         scale = self.joint_scale
-        return clamp(joint, scale.center - scale.half_range, scale.center + scale.half_range)
+        return clip(joint, scale.center - scale.half_range, scale.center + scale.half_range)
 
     def of_joint_action(self, action: np.ndarray, snapshot: Snapshot) -> np.ndarray:
         """The action (A,) of this mode that asks for what a `joint` action (R,) does; the instant has B = 1."""

@@ -20,7 +20,7 @@ def namespace(*arrays: Array) -> Any:
     return array_namespace(*arrays)
 
 
-def clamp(values: Array, low: float, high: float) -> Array:
+def clip(values: Array, low: float, high: float) -> Array:
     """Values limited to [low, high]; on small NumPy arrays much faster than `clip`."""
     xp = namespace(values)
     if xp is np:
@@ -28,14 +28,14 @@ def clamp(values: Array, low: float, high: float) -> Array:
     return xp.clip(values, low, high)
 
 
-def least(values: Array) -> Array:
+def amin(values: Array) -> Array:
     """Minimum over the last axis. (..., n) -> (...)."""
     xp = namespace(values)
     # `numpy.min` goes through three Python functions, which shows after a physics step: it leaves the caches cold
     return np.minimum.reduce(values, axis=-1) if xp is np else xp.min(values, axis=-1)
 
 
-def greatest(values: Array) -> Array:
+def amax(values: Array) -> Array:
     """Maximum over the last axis. (..., n) -> (...)."""
     xp = namespace(values)
     return np.maximum.reduce(values, axis=-1) if xp is np else xp.max(values, axis=-1)

@@ -26,7 +26,7 @@ def total(values: Iterable[Any]) -> Any:
     return found
 
 
-def product(a: Array, b: Array) -> Array:
+def matmul(a: Array, b: Array) -> Array:
     """Matrix product, (..., N, K) x (..., K, M) -> (..., N, M); K is at least 1, and small."""
     total = a[..., :, :1] * b[..., :1, :]
     for k in range(1, a.shape[-1]):
@@ -34,7 +34,7 @@ def product(a: Array, b: Array) -> Array:
     return total
 
 
-def turned(matrices: Array, vectors: Array) -> Array:
+def rotate(matrices: Array, vectors: Array) -> Array:
     """Matrices times vectors, (..., N, K) x (..., K) -> (..., N)."""
     return dot(matrices, vectors[..., None, :])
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from artiskill.geometry.arrays import Array, dot, greatest, namespace
-from artiskill.geometry.exact import product
+from artiskill.geometry.arrays import Array, amax, dot, namespace
+from artiskill.geometry.exact import matmul
 from artiskill.geometry.meshes import TriMesh
 
 
@@ -64,5 +64,5 @@ def depth_inside(planes: Array, points: Array) -> Array:
         (..., N) metres.
     """
     xp = namespace(planes, points)
-    heights = product(points, xp.matrix_transpose(planes[..., :3])) + planes[..., None, :, 3]
-    return -greatest(heights)
+    heights = matmul(points, xp.matrix_transpose(planes[..., :3])) + planes[..., None, :, 3]
+    return -amax(heights)

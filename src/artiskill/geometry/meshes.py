@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from artiskill.geometry.arrays import dot, norm
-from artiskill.geometry.exact import power, product
+from artiskill.geometry.exact import matmul, power
 from artiskill.geometry.rotations import quat_to_matrix
 
 
@@ -42,9 +42,7 @@ class TriMesh:
     def transformed(self, position: Any = (0, 0, 0), quaternion: Any = (1, 0, 0, 0)) -> "TriMesh":
         """The mesh rotated, then moved."""
         rotation = quat_to_matrix(np.asarray(quaternion, dtype=float))
-        return TriMesh(
-            product(self.vertices, rotation.T) + np.asarray(position, dtype=float), self.faces, self.uvs
-        )
+        return TriMesh(matmul(self.vertices, rotation.T) + np.asarray(position, dtype=float), self.faces, self.uvs)
 
     def scaled(self, factor: Any) -> "TriMesh":
         """The mesh scaled about its origin by a number or three; mirrored faces are turned back outwards."""

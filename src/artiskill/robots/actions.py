@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from artiskill.errors import ActionError, shown
-from artiskill.geometry.arrays import clamp
+from artiskill.geometry.arrays import clip
 from artiskill.robots.arm_config import load_arm
 from artiskill.robots.config import RobotConfig
 
@@ -27,11 +27,11 @@ class ActionScale:
 
     def to_targets(self, actions: np.ndarray) -> np.ndarray:
         """Drive targets of actions, which are clipped to [-1, 1]. (..., R) -> (..., R)."""
-        return self.center + self.half_range * clamp(actions, -1.0, 1.0)
+        return self.center + self.half_range * clip(actions, -1.0, 1.0)
 
     def to_actions(self, targets: np.ndarray) -> np.ndarray:
         """Actions of drive targets, clipped to [-1, 1]. (..., R) -> (..., R)."""
-        return clamp((targets - self.center) / self.half_range, -1.0, 1.0)
+        return clip((targets - self.center) / self.half_range, -1.0, 1.0)
 
 
 def action_scale(config: RobotConfig) -> ActionScale:

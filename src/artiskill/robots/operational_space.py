@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from artiskill.geometry.exact import product
+from artiskill.geometry.exact import matmul
 from artiskill.geometry.kernel import kernel
 from artiskill.robots.arm_config import load_arm
 from artiskill.robots.config import RobotConfig
@@ -90,7 +90,7 @@ def hand_jacobians(
         axis = axis_w[:, joints]
         linear = np.cross(axis, tool_position_w[:, arm, None] - anchor_w[:, joints])  # (B, 7, 3)
         turn = tool_rotation_w[:, arm]
-        parts.append(np.concatenate((product(linear, turn), product(axis, turn)), axis=-1).swapaxes(-1, -2))
+        parts.append(np.concatenate((matmul(linear, turn), matmul(axis, turn)), axis=-1).swapaxes(-1, -2))
     return np.stack(parts, axis=1)
 
 

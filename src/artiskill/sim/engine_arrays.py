@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from artiskill.geometry.exact import turned
+from artiskill.geometry.exact import rotate
 from artiskill.scene.scene import Scene
 from artiskill.sim.snapshot import Snapshot
 
@@ -100,5 +100,5 @@ def _root_velocity(qvel: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """(B, 6) world-frame velocity from that of a free joint, whose angular part is in the body's own frame."""
     if not qvel.shape[1]:
         return np.zeros((len(qvel), 6))
-    qvel[:, 3:] = turned(rotation, qvel[:, 3:])
+    qvel[:, 3:] = rotate(rotation, qvel[:, 3:])
     return qvel

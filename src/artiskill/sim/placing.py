@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from artiskill.geometry.arrays import norm
-from artiskill.geometry.exact import turned
+from artiskill.geometry.exact import rotate
 from artiskill.geometry.rotations import quat_to_matrix
 from artiskill.scene.scene import Scene
 from artiskill.sim.snapshot import Snapshot
@@ -40,7 +40,7 @@ def placed(
         velocity = values["root_velocity_w"].astype(np.float64)
         qpos[index.root_qpos] = np.concatenate((values["root_position_w"], quaternion))
         # the engine has the angular part in the body's frame
-        own = turned(quat_to_matrix(quaternion).T, velocity[3:])
+        own = rotate(quat_to_matrix(quaternion).T, velocity[3:])
         qvel[index.root_dof] = np.concatenate((velocity[:3], own))
     qpos[index.prop_qpos].reshape(-1, 7)[:, :3] = values["prop_position_w"]
     qvel[index.prop_dof].reshape(-1, 6)[:, :3] = values["prop_velocity_w"]

@@ -7,7 +7,7 @@ one step ago are part of it, so that asking twice answers the same.
 from dataclasses import dataclass, fields
 from functools import cached_property
 
-from artiskill.geometry.arrays import Array, clamp, dot, namespace, norm
+from artiskill.geometry.arrays import Array, clip, dot, namespace, norm
 from artiskill.geometry.exact import arccos
 
 
@@ -91,4 +91,4 @@ class Snapshot:
         xp = namespace(self.link_quaternion_w)
         # by the scalar product, good to 6e-7 rad/s: half the array calls of `quat_angle`; every step asks for it
         cosine = xp.abs(dot(self.previous_link_quaternion_w, self.link_quaternion_w))
-        return arccos(clamp(cosine, 0.0, 1.0)) * (2.0 / self.step_s)
+        return arccos(clip(cosine, 0.0, 1.0)) * (2.0 / self.step_s)

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from artiskill.config import check
-from artiskill.geometry.arrays import Array, clamp, least, namespace
+from artiskill.geometry.arrays import Array, amin, clip, namespace
 from artiskill.geometry.exact import total
 from artiskill.geometry.kernel import kernel
 
@@ -128,10 +128,10 @@ class StageTable:
         """`evaluate` for any array library, as (B, terms + 1): the kernel's definition."""
         xp, dtype = namespace(measured), measured.dtype
         zero, scale = xp.asarray(self._zero, dtype=dtype), xp.asarray(self._scale, dtype=dtype)
-        ramps = clamp((xp.take(measured, xp.asarray(self._columns), axis=1) - zero) * scale, 0.0, 1.0)
+        ramps = clip((xp.take(measured, xp.asarray(self._columns), axis=1) - zero) * scale, 0.0, 1.0)
         floors = (xp.asarray(floor, dtype=dtype)[stage] for floor in (self._enter_floor, self._leave_floor))
         entered, leaving = (
-            least(xp.maximum(ramps[:, part], floor))
+            amin(xp.maximum(ramps[:, part], floor))
             for part, floor in zip((self._enter, self._leave), floors, strict=True)
         )
         leaving = leaving * xp.asarray(self._leavable, dtype=dtype)[stage]

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from artiskill.config import check_not_negative, check_positive
-from artiskill.geometry.arrays import Array, clamp, dot, namespace, norm
+from artiskill.geometry.arrays import Array, clip, dot, namespace, norm
 from artiskill.geometry.exact import arccos
 from artiskill.scene.scene import Scene
 from artiskill.sim.snapshot import Snapshot
@@ -87,7 +87,7 @@ class Stand:
     @cached_property
     def tilt_rad(self) -> Array:
         """Angle of the root's z axis with the vertical, 0 to pi."""
-        return arccos(clamp(self.snapshot.link_rotation_w[:, 0, 2, 2], -1.0, 1.0))
+        return arccos(clip(self.snapshot.link_rotation_w[:, 0, 2, 2], -1.0, 1.0))
 
     @cached_property
     def speed_m_s(self) -> Array:

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.geometry.arrays import Array, dot, least, namespace
-from artiskill.geometry.exact import total, turned
+from artiskill.geometry.arrays import Array, amin, dot, namespace
+from artiskill.geometry.exact import rotate, total
 from artiskill.geometry.kernel import kernel
 from artiskill.geometry.meshes import sample_surface, triangle_areas
 from artiskill.sim.snapshot import Snapshot
@@ -68,9 +68,9 @@ def by_array_calls(
     """
     xp = namespace(tips)
     rows = row[:, None]
-    in_world = turned(rotation_w[rows, link], points) + position_w[rows, link]  # (B, P, 3)
+    in_world = rotate(rotation_w[rows, link], points) + position_w[rows, link]  # (B, P, 3)
     gap = tips[:, :, None] - in_world[:, None]  # (B, T, P, 3)
-    return xp.mean(xp.sqrt(least(dot(gap, gap))), axis=-1)
+    return xp.mean(xp.sqrt(amin(dot(gap, gap))), axis=-1)
 
 
 def load_kernel() -> None:

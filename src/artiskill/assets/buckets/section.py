@@ -9,7 +9,7 @@ import numpy as np
 
 from artiskill.assets.buckets.spec import Section
 from artiskill.geometry.arrays import dot
-from artiskill.geometry.exact import product
+from artiskill.geometry.exact import matmul
 
 ROUND_POINTS = 40
 ROUND_WALLS = 12
@@ -62,7 +62,7 @@ def _gauge(polygon: np.ndarray, points: np.ndarray) -> np.ndarray:
     edges = np.roll(polygon, -1, axis=0) - polygon
     normals = np.stack((edges[:, 1], -edges[:, 0]), axis=-1)
     distances = dot(normals, polygon)
-    reached = product(points[..., None, :], (normals / distances[:, None]).T)[..., 0, :]
+    reached = matmul(points[..., None, :], (normals / distances[:, None]).T)[..., 0, :]
     return np.asarray(reached.max(axis=-1))
 
 

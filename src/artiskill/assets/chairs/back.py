@@ -10,7 +10,7 @@ from artiskill.assets.chairs.frames import rail_path
 from artiskill.assets.chairs.pads import Pad, even_outline, placed, rolled_mesh, strips
 from artiskill.assets.chairs.pen import Pen
 from artiskill.assets.chairs.spec import ChairSpec
-from artiskill.geometry.exact import exp, product
+from artiskill.geometry.exact import exp, matmul
 from artiskill.geometry.meshes import TriMesh, cylinder
 from artiskill.geometry.rotations import quat_from_axis_angle
 
@@ -41,7 +41,7 @@ class BackPlane:
 
     def point(self, u: float, v: float, w: float) -> np.ndarray:
         """A point of the plane's frame in the object frame."""
-        placed_point: np.ndarray = self.origin + product(np.array(((u, v, w),)), self.axes)[0]
+        placed_point: np.ndarray = self.origin + matmul(np.array(((u, v, w),)), self.axes)[0]
         return placed_point
 
     def forward(self, u: float, v: float) -> float:
@@ -146,7 +146,7 @@ def _add_net(pen: Pen, spec: ChairSpec, plane: BackPlane, skins: Skins) -> None:
     rim = even_outline(back.height_m / 2, back.width_m / 2, back.exponent, 32)
     shrink = 1.0 - _NET_FRAME_M / np.array((back.height_m / 2, back.width_m / 2))
     flat = np.column_stack((rim * shrink, np.zeros(len(rim))))
-    bent = product(plane.bend(flat), plane.axes) + plane.point(back.height_m / 2, 0.0, 0.0)
+    bent = matmul(plane.bend(flat), plane.axes) + plane.point(back.height_m / 2, 0.0, 0.0)
     pen.mesh(_centred_loop(bent), skins.frame, "back")
     u = 0.24 * back.height_m
     reach = 0.44 * back.width_m

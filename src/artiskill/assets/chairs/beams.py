@@ -8,7 +8,7 @@ import numpy as np
 from artiskill.assets.articulated_object import CollisionShape
 from artiskill.assets.chairs.pads import hull_shape
 from artiskill.geometry.arrays import dot, norm
-from artiskill.geometry.exact import product
+from artiskill.geometry.exact import matmul
 from artiskill.geometry.meshes import TriMesh, loft, superellipse, tube
 from artiskill.geometry.rotations import quat_from_matrix
 
@@ -57,7 +57,7 @@ class Beam:
         for i, point in enumerate(path):
             side, across, stretch = _frame(path, i, self.lateral)
             offsets = section * (width[i], height[i] * stretch)
-            rings.append(point + product(offsets, np.stack((side, across))))
+            rings.append(point + matmul(offsets, np.stack((side, across))))
             uvs.append(np.column_stack((np.full(count, lengths[i]), offsets.sum(axis=1))))
         mesh = loft(np.stack(rings))
         return TriMesh(mesh.vertices, mesh.faces, np.concatenate(uvs).astype(np.float32))  # in metres

@@ -11,7 +11,7 @@ import numpy as np
 from artiskill.assets.articulated_object import CollisionShape
 from artiskill.assets.parts import IDENTITY
 from artiskill.geometry.arrays import norm
-from artiskill.geometry.exact import arccos, product
+from artiskill.geometry.exact import arccos, matmul
 from artiskill.geometry.hulls import convex_hull
 from artiskill.geometry.meshes import TriMesh, loft, superellipse
 
@@ -208,7 +208,7 @@ def placed(pad: Pad, origin: Any, axes: Any) -> Pad:
     start, rows = np.asarray(origin, dtype=float), np.asarray(axes, dtype=float)
 
     def bend(points: np.ndarray) -> np.ndarray:
-        moved: np.ndarray = product(pad.bend(points), rows) + start
+        moved: np.ndarray = matmul(pad.bend(points), rows) + start
         return moved
 
     return Pad(pad.half_u, pad.half_v, pad.exponent, pad.thickness_m, pad.edge_m, pad.crown_m, bend)

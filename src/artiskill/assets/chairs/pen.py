@@ -9,7 +9,7 @@ from artiskill.assets.chairs.appearance import Skin
 from artiskill.assets.chairs.beams import Beam, Tube
 from artiskill.assets.chairs.pads import Faces, Pad, hull_shape, pad_hulls, pad_mesh
 from artiskill.assets.parts import IDENTITY, LinkParts
-from artiskill.geometry.exact import product
+from artiskill.geometry.exact import matmul
 from artiskill.geometry.meshes import TriMesh
 from artiskill.geometry.rotations import quat_multiply, quat_rotate
 
@@ -33,7 +33,7 @@ class Pen:
         if skin.material.texture is None:
             uvs = None
         elif uvs is None:
-            uvs = (product(mesh.vertices, _PLANE) / skin.tile_m).astype(np.float32)
+            uvs = (matmul(mesh.vertices, _PLANE) / skin.tile_m).astype(np.float32)
         placed = TriMesh(mesh.vertices, mesh.faces, uvs).transformed(self._origin, self._turn)
         self._parts.draw(placed, skin.material, part)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.geometry.arrays import Array, namespace
-from artiskill.geometry.exact import turned
+from artiskill.geometry.exact import rotate
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.move_bucket.outline import body_outline
 from artiskill.tasks.surface import surface_samples
@@ -57,4 +57,4 @@ def bucket_centre_w(snapshot: Snapshot, goal: BucketGoal) -> Array:
     """(B, 3) the middle of the bucket's box, in the world."""
     xp = namespace(snapshot.link_position_w)
     middle = xp.mean(goal.box, axis=1)
-    return turned(snapshot.link_rotation_w[:, 0], middle) + snapshot.link_position_w[:, 0]
+    return rotate(snapshot.link_rotation_w[:, 0], middle) + snapshot.link_position_w[:, 0]

@@ -7,7 +7,7 @@ import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.config import check_not_negative, check_value
-from artiskill.geometry.exact import turned
+from artiskill.geometry.exact import rotate
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.states import InitialState
 from artiskill.tasks.move_bucket.goal import body_box
@@ -74,6 +74,6 @@ def sample_initial_state(
         joint_damping=rng.uniform(*config.joint_damping, size=len(joints)),
         object_limits=limits,
         root_pose_w=upright_pose(bucket, yaw),
-        prop_positions_w=np.array(((*(bucket + turned(turn, middle[:2])), rim - ball_radius_m),)),
+        prop_positions_w=np.array(((*(bucket + rotate(turn, middle[:2])), rim - ball_radius_m),)),
         settle_steps=config.settle_steps,
     )

@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape
-from artiskill.geometry.exact import product
+from artiskill.geometry.exact import matmul
 from artiskill.geometry.hulls import convex_hull
 from artiskill.geometry.rotations import transform_points
 
@@ -66,7 +66,7 @@ def _section_reach(triangles: np.ndarray, z: float) -> np.ndarray:
     angles = 2 * np.pi / DIRECTIONS * np.arange(DIRECTIONS)
     along = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
     across = np.stack((-np.sin(angles), np.cos(angles)), axis=-1)
-    side, out = product(points, across.T), product(points, along.T)  # (S, 2, D)
+    side, out = matmul(points, across.T), matmul(points, along.T)  # (S, 2, D)
     met = (side[:, 0] > 0) != (side[:, 1] > 0)
     width = np.where(met, side[:, 0] - side[:, 1], 1.0)
     reach = out[:, 0] + side[:, 0] / width * (out[:, 1] - out[:, 0])

@@ -1,7 +1,7 @@
 """When the bucket counts as moved."""
 
-from artiskill.geometry.arrays import Array, least, namespace
-from artiskill.geometry.exact import turned
+from artiskill.geometry.arrays import Array, amin, namespace
+from artiskill.geometry.exact import rotate
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.move_bucket.goal import BucketGoal
 from artiskill.tasks.standing import Stand, StandingConfig
@@ -17,10 +17,10 @@ def ball_depth_m(snapshot: Snapshot, goal: BucketGoal) -> Array:
     """
     xp = namespace(snapshot.prop_position_w)
     from_root = snapshot.prop_position_w - snapshot.link_position_w[:, :1]
-    local = turned(
+    local = rotate(
         xp.matrix_transpose(snapshot.link_rotation_w[:, :1]), from_root
     )  # (B, K, 3) in the root's frame
-    return least(least(xp.minimum(local - goal.box[:, :1], goal.box[:, 1:] - local)))
+    return amin(amin(xp.minimum(local - goal.box[:, :1], goal.box[:, 1:] - local)))
 
 
 def balls_in_bucket(snapshot: Snapshot, goal: BucketGoal) -> Array:

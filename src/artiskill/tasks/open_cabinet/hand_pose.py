@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from artiskill.geometry.arrays import Array, clamp, dot, greatest, namespace
-from artiskill.geometry.exact import arccos, product
+from artiskill.geometry.arrays import Array, amax, clip, dot, namespace
+from artiskill.geometry.exact import arccos, matmul
 from artiskill.geometry.kernel import kernel
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet.goal import OpenGoal
@@ -20,7 +20,7 @@ def hand_angle(snapshot: Snapshot, goal: OpenGoal) -> Array:
         for_each_environment(link, np.ascontiguousarray(hand), goal.grasp_rotations, trace)
     else:
         trace = by_array_calls(link, hand, goal.grasp_rotations)
-    return arccos(clamp(0.5 * trace - 0.5, -1.0, 1.0)) / xp.pi
+    return arccos(clip(0.5 * trace - 0.5, -1.0, 1.0)) / xp.pi
 
 
 def by_array_calls(link_w: Array, hand_w: Array, grasps: Array) -> Array:
@@ -32,8 +32,8 @@ def by_array_calls(link_w: Array, hand_w: Array, grasps: Array) -> Array:
         grasps: (B, G, 3, 3) in the link's frame.
     """
     xp = namespace(hand_w)
-    hand = product(xp.matrix_transpose(link_w), hand_w)  # in the link's frame
-    return greatest(dot(xp.reshape(hand, (-1, 1, 9)), xp.reshape(grasps, (*grasps.shape[:2], 9))))
+    hand = matmul(xp.matrix_transpose(link_w), hand_w)  # in the link's frame
+    return amax(dot(xp.reshape(hand, (-1, 1, 9)), xp.reshape(grasps, (*grasps.shape[:2], 9))))
 
 
 def load_kernel() -> None:

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from artiskill.geometry.arrays import Array, clamp, greatest, least, namespace
-from artiskill.geometry.exact import product
+from artiskill.geometry.arrays import Array, amax, amin, clip, namespace
+from artiskill.geometry.exact import matmul
 from artiskill.geometry.hulls import depth_inside
 from artiskill.geometry.kernel import kernel
 from artiskill.sim.snapshot import Snapshot
@@ -48,15 +48,15 @@ def by_array_calls(
         planes: (B, F, 4) of the handle's hull, in that frame.
     """
     xp = namespace(lines_w)
-    lines = product(lines_w - origin_w[:, None, None], rotation_w[:, None])  # in the link's frame
+    lines = matmul(lines_w - origin_w[:, None, None], rotation_w[:, None])  # in the link's frame
     start = lines[:, :, 0, :, None]  # (B, 2, 3, 1)
     line = lines[:, :, 1, :, None] - start
     to_points = points[:, None] - start  # (B, 2, 3, P)
     along = xp.sum(to_points * line, axis=-2) / xp.sum(line * line, axis=-2)  # (B, 2, P)
-    gap = to_points - clamp(along, 0.0, 1.0)[:, :, None] * line
-    distance = xp.sqrt(least(xp.sum(gap * gap, axis=-2)))
-    samples = product(xp.asarray(_MIDDLE_WEIGHTS, dtype=lines.dtype), xp.reshape(lines, (-1, 4, 3)))  # (B, 5, 3)
-    return distance, greatest(depth_inside(planes, samples))
+    gap = to_points - clip(along, 0.0, 1.0)[:, :, None] * line
+    distance = xp.sqrt(amin(xp.sum(gap * gap, axis=-2)))
+    samples = matmul(xp.asarray(_MIDDLE_WEIGHTS, dtype=lines.dtype), xp.reshape(lines, (-1, 4, 3)))  # (B, 5, 3)
+    return distance, amax(depth_inside(planes, samples))
 
 
 def load_kernel() -> None:

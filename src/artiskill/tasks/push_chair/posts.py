@@ -8,7 +8,7 @@ import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape
 from artiskill.assets.kinematics import joint_values, link_poses
-from artiskill.geometry.exact import product, turned
+from artiskill.geometry.exact import matmul, rotate
 from artiskill.geometry.rotations import quat_to_matrix
 
 POSTS = 4  # slots: a frame has at most four
@@ -92,13 +92,13 @@ def _solids(obj: ArticulatedObject) -> list[_Solid]:
 
 
 def _solid(shape: CollisionShape, position: np.ndarray, rotation: np.ndarray, fixed: bool) -> _Solid:
-    center = position + turned(rotation, shape.position)
-    turn = product(rotation, quat_to_matrix(np.asarray(shape.quaternion, dtype=float)))
+    center = position + rotate(rotation, shape.position)
+    turn = matmul(rotation, quat_to_matrix(np.asarray(shape.quaternion, dtype=float)))
     if shape.vertices is not None:
-        corners = center + product(shape.vertices, turn.T)
+        corners = center + matmul(shape.vertices, turn.T)
         center, half = (corners.min(axis=0) + corners.max(axis=0)) / 2, np.ptp(corners, axis=0) / 2
     elif shape.kind == "box":
-        half = turned(np.abs(turn), np.asarray(shape.size))
+        half = rotate(np.abs(turn), np.asarray(shape.size))
     else:
         radius, length = (*shape.size, 0.0)[:2]
         around = 1.0 if shape.kind == "capsule" else np.sqrt(np.maximum(0.0, 1.0 - turn[:, 2] ** 2))
