@@ -2,6 +2,7 @@
 
     .venv/bin/python tools/measure_structure.py            # as a table
     .venv/bin/python tools/measure_structure.py --json     # for scripts
+    .venv/bin/python tools/measure_structure.py --list sim # lines per package; what is over a limit in `sim`
 
 A file's importers are the other files of the package that import it or a name from it. A function's lines include
 its signature and docstring. The files of a step and of a demonstration are those in which a Python function was
@@ -34,7 +35,11 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description="Print how large and how winding the source is.")
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    parser.add_argument("--list", metavar="PACKAGE", help="list what is over a limit in one package, or in `all`")
     options = parser.parse_args()
+    if options.list:
+        list_package(options.list)
+        return
     figures = measure()
     if options.json:
         print(json.dumps(figures, indent=2))
@@ -44,9 +49,37 @@ def main() -> None:
         print(f"{name:<{width}}  {value:>7,}")
 
 
+def list_package(package: str) -> None:
+    """Print the lines of every package, and what is over a limit in one of them."""
+    trees = parse_all()
+    lines: dict[str, list[int]] = defaultdict(list)
+    for path in trees:
+        lines[package_of(path)].append(len(path.read_text(encoding="utf-8").splitlines()))
+    for name, lengths in sorted(lines.items()):
+        print(f"{name:<12} {len(lengths):>4} files {sum(lengths):>7,} lines")
+    for path, users in importers_of(trees).items():
+        if len(users) == 1 and path.name != "__init__.py" and package in ("all", package_of(path)):
+            print(f"one importer: {path.relative_to(SOURCE)} <- {users.pop().relative_to(SOURCE)}")
+    for path, tree in trees.items():
+        for node in ast.walk(tree) if package in ("all", package_of(path)) else ():
+            if isinstance(node, Function) and (lines_of(node) > MOST_LINES or arguments_of(node) > MOST_ARGUMENTS):
+                where = f"{path.relative_to(SOURCE)}:{node.lineno} {node.name}"
+                print(f"{where}: {lines_of(node)} lines, {arguments_of(node)} arguments")
+
+
+def package_of(path: Path) -> str:
+    """Return `sim` for a file in `sim/`, and `.` for one at the top."""
+    return path.relative_to(SOURCE).parts[0] if path.parent != SOURCE else "."
+
+
+def parse_all() -> dict[Path, ast.Module]:
+    """Return the syntax tree of every source file."""
+    return {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(SOURCE.rglob("*.py"))}
+
+
 def measure() -> dict[str, int]:
     """Return every figure by its name."""
-    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(SOURCE.rglob("*.py"))}
+    trees = parse_all()
     lengths = [len(path.read_text(encoding="utf-8").splitlines()) for path in trees]
     importers = importers_of(trees)
     functions = [node for tree in trees.values() for node in ast.walk(tree) if isinstance(node, Function)]
