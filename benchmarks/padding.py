@@ -21,7 +21,7 @@ from artiskill.scene import scene as scene_module
 from artiskill.scene.scene import Scene, build_scene
 from artiskill.sim.bare import BareEngine
 from artiskill.sim.simulation import Simulation
-from artiskill.tasks.levels import Stream, level_generator
+from artiskill.tasks.levels import RngStream, level_generator
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Task
 
@@ -45,7 +45,7 @@ def scenes_of(task: Task, obj: ArticulatedObject) -> dict[str, Scene]:
 def step_seconds(scene: Scene, task: Task, steps: int) -> float:
     """Median seconds of an environment step by the engine alone."""
     simulation = Simulation(scene)
-    state = task.sample_initial_state(scene.object, level_generator(LEVEL, Stream.INITIAL_STATE))
+    state = task.sample_initial_state(scene.object, level_generator(LEVEL, RngStream.INITIAL_STATE))
     simulation.reset([state])
     engine, rng = BareEngine(simulation), np.random.default_rng(0)
     spent, targets = [], np.zeros((1, scene.model.nu))

@@ -24,7 +24,7 @@ from artiskill.experts.open_cabinet import OpenCabinetExpert, Phase
 from artiskill.experts.registry import make_expert
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.levels import Stream, level_generator
+from artiskill.tasks.levels import RngStream, level_generator
 from artiskill.tasks.registry import make_task, task_names
 
 VISUAL_MODES = tuple(mode for mode in OBSERVATION_MODES if mode != "state")
@@ -286,7 +286,7 @@ def test_a_batch_equals_single_environments(task: str, object_id: str, threads: 
     env.reset(seed=0)
     scene, obj = env._simulation.scene, env._casting.find(env.save_state().object)
     batch = Simulation(scene, num_envs=len(levels), num_threads=threads)
-    generators = [level_generator(level, Stream.INITIAL_STATE) for level in levels]
+    generators = [level_generator(level, RngStream.INITIAL_STATE) for level in levels]
     batch.reset([env.task.sample_initial_state(obj, g) for g in generators])
     for step_actions in actions:
         batch.step(env.control.joint_scale.to_targets(step_actions))

@@ -13,7 +13,7 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.wrappers import PointCloudDownsample
 from artiskill.errors import ConfigError, UnknownNameError
 from artiskill.sensors.downsample import SAMPLERS, ManiskillSampler, downsample
-from artiskill.tasks.levels import Stream, level_generator
+from artiskill.tasks.levels import RngStream, level_generator
 from artiskill.tasks.registry import make_task
 
 OBJECT = "cabinet-0003"
@@ -201,7 +201,7 @@ def test_the_wrapper_draws_what_the_full_cloud_would_give() -> None:
     few, _ = drive_closer(PointCloudDownsample(make()))
     full, _ = drive_closer(make())
     cloud = (full["pointcloud"][name] for name in ("xyz", "rgb", "seg"))
-    expected = downsample(*cloud, ManiskillSampler(), level_generator(3, Stream.POINTS, 12))
+    expected = downsample(*cloud, ManiskillSampler(), level_generator(3, RngStream.POINTS, 12))
     for name, values in expected.items():
         np.testing.assert_array_equal(few["pointcloud"][name], values)
     np.testing.assert_array_equal(few["agent"], full["agent"])

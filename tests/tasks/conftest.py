@@ -11,7 +11,7 @@ from artiskill.assets.catalog import load_object
 from artiskill.scene.scene import build_scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.levels import Stream, level_generator
+from artiskill.tasks.levels import RngStream, level_generator
 from artiskill.tasks.task import Task
 
 Play = Callable[[Task, str, int], tuple[Snapshot, Any]]
@@ -21,7 +21,7 @@ def play(task: Task, object_id: str, steps: int) -> tuple[Snapshot, Any]:
     """The instant after random steps of level 0, with B = 1, and the goal."""
     obj = load_object(object_id)
     simulation = Simulation(build_scene(task.robot, obj, task.physics, task.props))
-    simulation.reset([task.sample_initial_state(obj, level_generator(0, Stream.INITIAL_STATE))])
+    simulation.reset([task.sample_initial_state(obj, level_generator(0, RngStream.INITIAL_STATE))])
     rng = np.random.default_rng(0)
     for _ in range(steps):
         simulation.step(rng.uniform(-0.5, 0.5, (1, 22)))

@@ -31,7 +31,7 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.geometry.rotations import quat_from_rpy
 from artiskill.scene.scene import build_scene
 from artiskill.sim.simulation import Simulation
-from artiskill.tasks.levels import Stream, level_generator
+from artiskill.tasks.levels import RngStream, level_generator
 
 env = ManipulationEnv("TurnChair", objects="train")
 observation, info = env.reset(seed=0)
@@ -46,7 +46,7 @@ assert set(info["reward_terms"]) == {"turning", "slow", "stage"}
 # the chair turned by hand: flags and stages follow
 task, obj = env.task, env._simulation.scene.object
 simulation = Simulation(build_scene(task.robot, obj, task.physics))
-state = task.sample_initial_state(obj, level_generator(0, Stream.INITIAL_STATE))
+state = task.sample_initial_state(obj, level_generator(0, RngStream.INITIAL_STATE))
 x, y = state.root_pose_w[:2]
 state.root_pose_w[3:] = quat_from_rpy((0, 0, np.arctan2(y, x)))  # its -x points at the origin
 simulation.reset([state])

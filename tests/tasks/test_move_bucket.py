@@ -11,7 +11,7 @@ from artiskill.assets.catalog import list_objects, load_object
 from artiskill.errors import ConfigError
 from artiskill.geometry.rotations import quat_to_matrix
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.levels import Stream, level_generator
+from artiskill.tasks.levels import RngStream, level_generator
 from artiskill.tasks.move_bucket.goal import body_box, bucket_centre_w
 from artiskill.tasks.move_bucket.reward import hand_places
 from artiskill.tasks.move_bucket.success import ball_depth_m
@@ -53,7 +53,7 @@ def test_initial_states_lie_in_their_ranges() -> None:
     bucket = load_object(BUCKET)
     own = np.array(bucket.links[1].joint.limits)
     for level in range(100):
-        state = TASK.sample_initial_state(bucket, level_generator(level, Stream.INITIAL_STATE))
+        state = TASK.sample_initial_state(bucket, level_generator(level, RngStream.INITIAL_STATE))
         place, robot = state.root_pose_w[:2], state.robot_qpos[:2]
         assert 0.8 <= np.linalg.norm(place) <= 1.2
         assert 0.6 <= np.linalg.norm(robot - place) <= 0.8

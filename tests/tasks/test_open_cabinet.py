@@ -13,7 +13,7 @@ from artiskill.scene.scene import build_scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.goals import stack_goals
-from artiskill.tasks.levels import MAX_LEVEL, Stream, check_level, level_generator
+from artiskill.tasks.levels import MAX_LEVEL, RngStream, check_level, level_generator
 from artiskill.tasks.open_cabinet.goal import OpenGoal, make_open_goal
 from artiskill.tasks.open_cabinet.hand_pose import hand_angle
 from artiskill.tasks.open_cabinet.proximity import handle_proximity
@@ -32,7 +32,7 @@ def moving(cabinet: ArticulatedObject) -> tuple[Snapshot, OpenGoal]:
     """Three environments after twenty random steps, with different targets."""
     targets = TASK.targets(cabinet)[:3]
     simulation = Simulation(build_scene(TASK.robot, cabinet, TASK.physics), num_envs=3)
-    states = [TASK.sample_initial_state(cabinet, level_generator(i, Stream.INITIAL_STATE)) for i in range(3)]
+    states = [TASK.sample_initial_state(cabinet, level_generator(i, RngStream.INITIAL_STATE)) for i in range(3)]
     simulation.reset([dataclasses.replace(s, object_qpos=s.object_qpos + 0.1 * i) for i, s in enumerate(states)])
     rng = np.random.default_rng(0)
     for _ in range(20):
@@ -47,7 +47,7 @@ def test_the_robot_starts_clear_of_the_wall_that_a_cabinet_hangs_on(object_id: s
     levels = range(40)
     simulation = Simulation(scene, num_envs=len(levels))
     simulation.reset(
-        [TASK.sample_initial_state(obj, level_generator(level, Stream.INITIAL_STATE)) for level in levels]
+        [TASK.sample_initial_state(obj, level_generator(level, RngStream.INITIAL_STATE)) for level in levels]
     )
     bodies = [scene.model.body(name).id for name in scene.robot.bodies]
     face, furthest = obj.links[-1].position[0], simulation.snapshot().body_position_w[:, bodies, 0].max()
@@ -178,7 +178,7 @@ def test_open_from_nine_tenths(cabinet: ArticulatedObject) -> None:
 def test_initial_states_lie_in_their_ranges(cabinet: ArticulatedObject) -> None:
     config = TASK.config.initial
     for level in range(200):
-        state = TASK.sample_initial_state(cabinet, level_generator(level, Stream.INITIAL_STATE))
+        state = TASK.sample_initial_state(cabinet, level_generator(level, RngStream.INITIAL_STATE))
         offset = state.robot_qpos[:2] - np.array(config.robot_circle_center_m)
         assert 1.6 <= np.linalg.norm(offset) <= 1.8
         assert abs(np.arctan2(offset[1], -offset[0])) <= 0.1 * np.pi + 1e-9
@@ -206,9 +206,9 @@ def test_too_many_joints_for_the_state_vector(
 
 
 def test_levels() -> None:
-    draws = [level_generator(3, stream).random() for stream in Stream]
+    draws = [level_generator(3, stream).random() for stream in RngStream]
     assert len(set(draws)) == len(draws), "streams are independent"
-    assert level_generator(3, Stream.OBJECT).random() == draws[0]
+    assert level_generator(3, RngStream.OBJECT).random() == draws[0]
     assert check_level(np.int64(MAX_LEVEL)) == MAX_LEVEL
     for bad in (-1, MAX_LEVEL + 1, 1.0, True, "3", None):
         with pytest.raises(ConfigError, match="level"):

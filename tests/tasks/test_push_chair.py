@@ -11,7 +11,7 @@ from artiskill.assets.catalog import load_object
 from artiskill.errors import ConfigError
 from artiskill.geometry.rotations import quat_rotate, quat_to_matrix
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.levels import Stream, level_generator
+from artiskill.tasks.levels import RngStream, level_generator
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.standing import Stand
 
@@ -52,7 +52,7 @@ def test_initial_states_lie_in_their_ranges() -> None:
     assert rolling.any()
     assert not rolling.all()
     for level in range(100):
-        state = TASK.sample_initial_state(chair, level_generator(level, Stream.INITIAL_STATE))
+        state = TASK.sample_initial_state(chair, level_generator(level, RngStream.INITIAL_STATE))
         place, robot = state.root_pose_w[:2], state.robot_qpos[:2]
         assert 0.8 <= np.linalg.norm(place) <= 1.2
         assert 0.8 <= np.linalg.norm(robot - place) <= 1.2

@@ -20,7 +20,7 @@ from artiskill.sensors.downsample import make_sampler
 from artiskill.sim.bare import BareEngine
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.states import InitialState
-from artiskill.tasks.levels import Stream, level_generator
+from artiskill.tasks.levels import RngStream, level_generator
 from artiskill.tasks.task import Task
 
 _METHOD = "maniskill"
@@ -128,7 +128,7 @@ class Ceiling:
         for env, level in enumerate(levels.tolist()):
             obj, _ = self._casting.draw(level)
             scene = cached_scene(self._task.robot, obj, self._task.physics, self._task.props)
-            state = self._task.sample_initial_state(obj, level_generator(level, Stream.INITIAL_STATE))
+            state = self._task.sample_initial_state(obj, level_generator(level, RngStream.INITIAL_STATE))
             arriving.setdefault(scene.layout, []).append((env, scene, state))
         for group in arriving.values():
             simulation = Simulation(group[0][1], len(group), min(self._num_threads, len(group)))

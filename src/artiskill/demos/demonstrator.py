@@ -8,7 +8,7 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.experts.disturbance import Disturbance
 from artiskill.experts.registry import Expert, make_expert
 from artiskill.experts.variation import load_variation, varied
-from artiskill.tasks.levels import Stream, level_generator
+from artiskill.tasks.levels import RngStream, level_generator
 
 _MANNER, _PUSHES = 0, 1  # parts of the stream
 
@@ -45,7 +45,7 @@ class Demonstrator:
         if self._variation is not None:
             state = env.save_state()
             manner, pushes = (
-                level_generator(state.level, Stream.DEMONSTRATING, part, of=(state.object, state.target))
+                level_generator(state.level, RngStream.DEMONSTRATING, part, of=(state.object, state.target))
                 for part in (_MANNER, _PUSHES)
             )
             config = varied(config, self._variation.ranges, manner)

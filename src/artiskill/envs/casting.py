@@ -7,7 +7,7 @@ from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import is_nameable, load_object, resolve_objects
 from artiskill.assets.needs import TASK_NEEDS
 from artiskill.errors import AssetError, check_name
-from artiskill.tasks.levels import Stream, level_generator
+from artiskill.tasks.levels import RngStream, level_generator
 from artiskill.tasks.task import Task
 
 _KNOWN = 64  # objects that are remembered
@@ -47,7 +47,7 @@ class Casting:
             AssetError: an object that does not fit the task.
         """
         if object_choice is None:
-            generator = level_generator(level, Stream.OBJECT)
+            generator = level_generator(level, RngStream.OBJECT)
             object_choice = self.choices[int(generator.integers(len(self.choices)))]
         obj = self.find(object_choice)
         if not (isinstance(object_choice, str) and is_nameable(object_choice)):
@@ -55,7 +55,7 @@ class Casting:
         target = self.fixed_target if target is None else target
         targets = self.check_target(obj, target)
         if target is None:
-            target = targets[int(level_generator(level, Stream.TARGET).integers(len(targets)))]
+            target = targets[int(level_generator(level, RngStream.TARGET).integers(len(targets)))]
         return obj, target
 
     @property

@@ -21,8 +21,8 @@ from artiskill.scene.cache import cached_scene
 from artiskill.scene.scene import Scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.levels import MAX_LEVEL, Stream, check_level, level_generator
-from artiskill.tasks.progress import Progress
+from artiskill.tasks.levels import MAX_LEVEL, RngStream, check_level, level_generator
+from artiskill.tasks.progress import EpisodeProgress
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Flags, Goal, Task
 
@@ -114,7 +114,7 @@ class ManipulationEnv(CopiedByState, gym.Env[Any, np.ndarray]):
         self._view: WorldView | None = None
         self._window = open_window(render_mode, f"ArtiSkill: {task}", self.metadata["render_fps"])
         self.metadata = self.metadata | {"render_modes": render_modes_here(render_mode)}
-        self._progress = Progress(1, self.task.flag_names, self.task.hold_steps)
+        self._progress = EpisodeProgress(1, self.task.flag_names, self.task.hold_steps)
         self._goal: Goal = None
         self._snapshot: Snapshot | None = None
         self._target = ""
@@ -143,7 +143,7 @@ class ManipulationEnv(CopiedByState, gym.Env[Any, np.ndarray]):
         simulation = self._simulation_of(obj)
         self._enter(simulation, target)
         self._level = level
-        generator = level_generator(level, Stream.INITIAL_STATE)
+        generator = level_generator(level, RngStream.INITIAL_STATE)
         simulation.reset([self.task.sample_initial_state(obj, generator)])
         self._snapshot = simulation.snapshot()
         self._progress.restart()

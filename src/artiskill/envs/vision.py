@@ -23,7 +23,7 @@ from artiskill.sensors.segmentation import mask_codes
 from artiskill.sensors.sight import Sight
 from artiskill.sensors.triangle_soup import BodyVisual
 from artiskill.tasks.fields import field_bounds, observe_robot, robot_fields
-from artiskill.tasks.levels import Stream, level_generator
+from artiskill.tasks.levels import RngStream, level_generator
 from artiskill.tasks.task import Task
 
 Frame = Literal["world", "robot", "end_effector"]
@@ -174,7 +174,7 @@ class PointCloudObserver:
         """The sampler's choice of pixels; only those become points."""
         sight, rays, info = self._eyes.look(instant)
         pixel_codes = sight.classified(self._eyes.codes, rays)
-        generator = level_generator(instant.level, Stream.POINTS, instant.elapsed)
+        generator = level_generator(instant.level, RngStream.POINTS, instant.elapsed)
         chosen = sampler.choose(pixel_codes, lambda pixels: sight.positions(pixels, rays), generator)
         found = len(chosen)
         for part in cloud.values():

@@ -12,7 +12,7 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import UnknownNameError
 from artiskill.evaluation.solution import Solution, read_solution
 from artiskill.experts.registry import Expert, make_expert
-from artiskill.tasks.levels import Stream, level_generator
+from artiskill.tasks.levels import RngStream, level_generator
 
 
 class Actor(Protocol):
@@ -100,7 +100,7 @@ class RandomActor:
 
     def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
         """Begin an episode with a generator of its own."""
-        self._generator = level_generator(info["level"], Stream.RANDOM_ACTIONS, of=(info["object"],))
+        self._generator = level_generator(info["level"], RngStream.RANDOM_ACTIONS, of=(info["object"],))
 
     def act(self, env: ManipulationEnv, observation: Any) -> np.ndarray:
         """Uniform in [-1, 1], (A,)."""

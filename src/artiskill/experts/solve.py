@@ -10,7 +10,7 @@ from artiskill.envs.control import JOINT
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError, shown
 from artiskill.experts.mpc import MpcConfig, Planner
-from artiskill.tasks.levels import Stream, level_generator
+from artiskill.tasks.levels import RngStream, level_generator
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def solve_level(
         raise ConfigError(f"planning needs control_mode={JOINT!r}, not {shown(env.control.mode)}")
     start = time.perf_counter()
     _, info = env.reset(options={"level": level})
-    rng = level_generator(level, Stream.PLANNING)
+    rng = level_generator(level, RngStream.PLANNING)
     planner = Planner(env.task, env.scene, env.goal, env.control.joint_scale, config, rng, num_threads)
     total, done, terminated, actions = 0.0, False, False, []
     while not done:

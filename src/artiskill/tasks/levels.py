@@ -11,7 +11,7 @@ from artiskill.errors import ConfigError, shown
 MAX_LEVEL = 2**31 - 1
 
 
-class Stream(IntEnum):
+class RngStream(IntEnum):
     """What is drawn for a level, each from its own generator: fixing one leaves the others as they were.
 
     What an environment draws has small numbers, what those who act in it draw has great ones.
@@ -26,7 +26,7 @@ class Stream(IntEnum):
     DEMONSTRATING = 3000
 
 
-def level_generator(level: int, stream: Stream, *part: int, of: Sequence[str] = ()) -> np.random.Generator:
+def level_generator(level: int, stream: RngStream, *part: int, of: Sequence[str] = ()) -> np.random.Generator:
     """The generator of one stream of a level.
 
     Args:

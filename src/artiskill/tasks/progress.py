@@ -7,7 +7,7 @@ import numpy as np
 from artiskill.geometry.arrays import columns
 
 
-class Progress:
+class EpisodeProgress:
     """Elapsed steps and flag streaks of B episodes.
 
     A flag counts once it has held for `hold_steps` consecutive steps; an episode is solved in the step in which

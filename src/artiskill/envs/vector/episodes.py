@@ -12,8 +12,8 @@ from artiskill.envs.casting import Casting, ObjectChoice
 from artiskill.envs.vector.fleet import Fleet, Start
 from artiskill.scene.cache import cached_scene
 from artiskill.scene.scene import Scene
-from artiskill.tasks.levels import MAX_LEVEL, Stream, level_generator
-from artiskill.tasks.progress import Progress
+from artiskill.tasks.levels import MAX_LEVEL, RngStream, level_generator
+from artiskill.tasks.progress import EpisodeProgress
 from artiskill.tasks.task import Task
 
 _GOALS = 512  # that are kept: of the last objects and targets
@@ -43,7 +43,7 @@ class Episodes:
         self.task, self.castings = task, list(castings)
         count = len(castings)
         self.fleet = Fleet(count, num_threads)
-        self.progress = Progress(count, task.flag_names, task.hold_steps)
+        self.progress = EpisodeProgress(count, task.flag_names, task.hold_steps)
         self.levels = np.zeros(count, dtype=np.int64)
         self.objects, self.targets = (np.full(count, None, dtype=object) for _ in range(2))
         self.flags: dict[str, np.ndarray] = {}
@@ -110,7 +110,7 @@ class Episodes:
         self.castings = [Casting(self.task, choice, casting.fixed_target) for casting, choice in castings]
 
     def _begin(self, obj: ArticulatedObject, target: str, level: int) -> Start:
-        state = self.task.sample_initial_state(obj, level_generator(level, Stream.INITIAL_STATE))
+        state = self.task.sample_initial_state(obj, level_generator(level, RngStream.INITIAL_STATE))
         return Start(self.scene_for(obj), self._goal_of(obj, target), state)
 
     def scene_for(self, obj: ArticulatedObject) -> Scene:
