@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from artiskill.assets.articulated_object import Handle
-from artiskill.assets.handles import POINTS_PER_HANDLE, Grip, handle_from_mesh
+from artiskill.assets.handles import POINTS_PER_HANDLE, HandleGrasp, handle_from_mesh
 from artiskill.errors import AssetError
 from artiskill.geometry.hulls import depth_inside
 from artiskill.geometry.meshes import TriMesh, box, cylinder
@@ -100,10 +100,12 @@ def test_a_round_knob() -> None:
 
 
 def test_a_grip_that_is_given_comes_with_its_half_turns() -> None:
-    grip = Grip(np.array((-0.05, 0.3, 0.7)), np.stack((Y, Z)), 0.02)
-    handle = handle_from_mesh("link_0", "knob", BAR, OUTWARD, np.random.default_rng(0), hookable=False, grip=grip)
+    grasp = HandleGrasp(np.array((-0.05, 0.3, 0.7)), np.stack((Y, Z)), 0.02)
+    handle = handle_from_mesh(
+        "link_0", "knob", BAR, OUTWARD, np.random.default_rng(0), hookable=False, grasp=grasp
+    )
     assert handle.grasp_positions.shape == (4, 3)
-    assert (handle.grasp_positions == grip.position).all()
+    assert (handle.grasp_positions == grasp.position).all()
     assert handle.grasp_width_m == 0.02
     for k, across in enumerate((Y, Y, Z, Z)):
         np.testing.assert_allclose(quat_rotate(handle.grasp_quaternions[k], Z), -OUTWARD, atol=1e-12)

@@ -22,7 +22,7 @@ _HALF_TURN = quat_from_axis_angle((0, 0, 1), np.pi)
 
 
 @dataclass(frozen=True, eq=False)
-class Grip:
+class HandleGrasp:
     """How a hand that comes from outside takes hold of a handle, in the link's frame.
 
     Attributes:
@@ -43,7 +43,7 @@ def handle_from_mesh(
     outward: np.ndarray,
     rng: np.random.Generator,
     hookable: bool,
-    grip: Grip | None = None,
+    grasp: HandleGrasp | None = None,
 ) -> Handle:
     """Describe the handle whose drawn surface is `mesh`.
 
@@ -56,7 +56,7 @@ def handle_from_mesh(
         outward: (3,) direction from the panel to the room, in the link's frame; any length but zero.
         rng: draws the surface samples.
         hookable: whether a finger fits behind it.
-        grip: where to take hold of it; by default in its middle, the fingers closing across its shorter side.
+        grasp: where to take hold of it; by default in its middle, the fingers closing across its shorter side.
 
     Raises:
         AssetError: the mesh does not span a volume, or `outward` has no direction.
@@ -68,9 +68,9 @@ def handle_from_mesh(
     except ValueError as error:
         raise AssetError(f"link {link_name!r}: its handle's mesh is flat or empty") from error
     outward = np.asarray(outward, dtype=float) / norm(outward)
-    grip = grip or _middle_grip(hull.mesh, outward)
+    grasp = grasp or _middle_grasp(hull.mesh, outward)
     quaternions = []
-    for across in grip.across:
+    for across in grasp.across:
         rotation = np.stack((np.cross(across, -outward), across, -outward), axis=1)
         one = quat_from_matrix(rotation)
         quaternions += [one, quat_multiply(one, _HALF_TURN)]
@@ -79,9 +79,9 @@ def handle_from_mesh(
         kind=kind,
         points=sample_surface([mesh], POINTS_PER_HANDLE, rng),
         planes=hull.planes,
-        grasp_positions=np.repeat(grip.position[None], len(quaternions), axis=0),
+        grasp_positions=np.repeat(grasp.position[None], len(quaternions), axis=0),
         grasp_quaternions=np.stack(quaternions),
-        grasp_width_m=grip.width_m,
+        grasp_width_m=grasp.width_m,
         hookable=hookable,
     )
 
@@ -91,14 +91,14 @@ def grasp_depth(thickness_m: float) -> float:
     return min(_GRASP_DEPTH_M, thickness_m / 2)
 
 
-def _middle_grip(hull: TriMesh, outward: np.ndarray) -> Grip:
+def _middle_grasp(hull: TriMesh, outward: np.ndarray) -> HandleGrasp:
     along, across = _face_axes(hull, outward)
     frame = np.stack((along, across, outward))  # rows: axes of the face
     in_frame = matmul(hull.vertices, frame.T)
     low, high = in_frame.min(axis=0), in_frame.max(axis=0)
     centre = (low + high) / 2
     centre[2] = high[2] - grasp_depth(high[2] - low[2])
-    return Grip(matmul(centre[None], frame)[0], across[None], float(high[1] - low[1]))
+    return HandleGrasp(matmul(centre[None], frame)[0], across[None], float(high[1] - low[1]))
 
 
 def is_handle_part(part: str) -> bool:

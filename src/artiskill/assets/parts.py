@@ -62,17 +62,17 @@ class LinkParts:
         corners = np.array((low, high), dtype=float) - self._origin
         centre, half = corners.mean(axis=0), (corners[1] - corners[0]) / 2
         assert (half > 0).all(), f"panel {part} has no volume: half extents {half}"
-        self.draw(
+        self.add_visual(
             panel_mesh(centre, half, int(np.argmax(half)) if grain is None else grain, self._rng), material, part
         )
         if collide:
-            self.touch(CollisionShape("box", tuple(half.tolist()), centre, IDENTITY, part=part))
+            self.add_collision(CollisionShape("box", tuple(half.tolist()), centre, IDENTITY, part=part))
 
-    def draw(self, mesh: TriMesh, material: Material, part: str) -> None:
+    def add_visual(self, mesh: TriMesh, material: Material, part: str) -> None:
         """Add a mesh in the link's frame; meshes of one material and part become one."""
         self._drawn.setdefault((part, id(material)), (material, []))[1].append(mesh)
 
-    def touch(self, shape: CollisionShape) -> None:
+    def add_collision(self, shape: CollisionShape) -> None:
         """Add a shape in the link's frame."""
         self.collisions.append(shape)
 

@@ -16,7 +16,7 @@ import yaml
 from artiskill.assets.articulated_object import ArticulatedObject, Category
 from artiskill.assets.entries import BENCHMARK_SPLITS, CATALOG_DIR, CATEGORIES, HELD_OUT_SPLIT, CatalogEntry
 from artiskill.assets.generators import generate
-from artiskill.assets.similarity import ALIKE_M, Descriptor, describe, nearest_neighbour
+from artiskill.assets.similarity import NEAR_DUPLICATE_M, Descriptor, describe, nearest_neighbour
 from artiskill.config import to_mapping
 
 # Of the ManiSkill benchmark's tables: how many cabinets have so many target drawers. 25 with 49 and 10 with 21.
@@ -113,7 +113,7 @@ class Selection:
     def _is_new(self, candidate: ArticulatedObject) -> bool:
         described = describe(candidate)
         nearest = nearest_neighbour(described, self._described)
-        if nearest is not None and nearest.distance_m < _MARGIN * ALIKE_M[self.category]:
+        if nearest is not None and nearest.distance_m < _MARGIN * NEAR_DUPLICATE_M[self.category]:
             return False
         self._described.append(described)
         return True

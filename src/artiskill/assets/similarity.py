@@ -20,7 +20,7 @@ from artiskill.geometry.meshes import TriMesh, merge
 from artiskill.geometry.surfaces import Surface, make_surface
 
 # Two objects of a category that are nearer than this are nearly alike: some 2 % of a typical size.
-ALIKE_M: dict[Category, float] = {"cabinet": 0.015, "chair": 0.01, "bucket": 0.005}
+NEAR_DUPLICATE_M: dict[Category, float] = {"cabinet": 0.015, "chair": 0.01, "bucket": 0.005}
 # the half-open copy stands this far aside, so that one search serves both states
 _ASIDE_M = 100.0
 _OPEN = 0.5

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from artiskill.assets.similarity import ALIKE_M, Descriptor, nearest_neighbours
+from artiskill.assets.similarity import NEAR_DUPLICATE_M, Descriptor, nearest_neighbours
 from artiskill.checks.result import CheckResult, at_least
 
 NAME = "alike"
@@ -13,7 +13,7 @@ def check_alike(descriptors: Sequence[Descriptor]) -> dict[str, CheckResult]:
     categories = {one.id: one.category for one in descriptors}
     results = {}
     for found in nearest_neighbours(descriptors):
-        limit = 1e3 * ALIKE_M[categories[found.id]]
+        limit = 1e3 * NEAR_DUPLICATE_M[categories[found.id]]
         note = "with the same joints" if found.same_joints else "with other joints"
         results[found.id] = at_least(NAME, found.nearest, 1e3 * found.distance_m, limit, "mm", note)
     return results

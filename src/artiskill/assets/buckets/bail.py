@@ -30,21 +30,21 @@ def add_bail(
     path = bail_path(bail, _BEND_CHORDS)
     if bail.kind == "wire":
         for wire in _wires(bail, path):
-            parts.draw(tube(wire, bail.half_width_m, _WIRE_SIDES), materials.bail, "handle")
+            parts.add_visual(tube(wire, bail.half_width_m, _WIRE_SIDES), materials.bail, "handle")
     else:
         _draw_band(parts, bail, path, materials)
     coarse = bail_path(bail, _TOUCHED_CHORDS)
     for start, end in pairwise(coarse):
         if bail.kind == "wire":
-            parts.touch(rod(start, end, bail.half_width_m, "handle"))
+            parts.add_collision(rod(start, end, bail.half_width_m, "handle"))
         else:
-            parts.touch(slab(start, end, bail.half_width_m, bail.half_thickness_m, "handle"))
+            parts.add_collision(slab(start, end, bail.half_width_m, bail.half_thickness_m, "handle"))
     grip = _grip_mesh(bail)
     if bail.grip.kind != "bare":
-        parts.draw(grip, materials.grip, "handle")
+        parts.add_visual(grip, materials.grip, "handle")
         half = np.array((0.0, bail.grip.length_m / 2 - bail.grip.radius_m, 0.0))
         top = np.array((0.0, 0.0, bail.reach_m))
-        parts.touch(rod(top - half, top + half, bail.grip.radius_m, "handle"))
+        parts.add_collision(rod(top - half, top + half, bail.grip.radius_m, "handle"))
     return handle_from_mesh(name, "bail", grip, _UP, rng, hookable=True)
 
 
@@ -69,12 +69,16 @@ def _hooked(path: np.ndarray) -> np.ndarray:
 def _draw_band(parts: LinkParts, bail: Bail, path: np.ndarray, materials: Materials) -> None:
     """A flat bow with round ends, each on a pin."""
     section = superellipse(bail.half_width_m, bail.half_thickness_m, 5.0, 12)
-    parts.draw(path_sweep(path, section, (1.0, 0.0, 0.0)), materials.bail, "handle")
+    parts.add_visual(path_sweep(path, section, (1.0, 0.0, 0.0)), materials.bail, "handle")
     for side in (-1.0, 1.0):
         eye = cylinder(1.1 * bail.half_width_m, bail.half_thickness_m, 16, 0.0008)
-        parts.draw(eye.transformed((0.0, side * bail.half_span_m, 0.0), turn_to("y")), materials.bail, "handle")
+        parts.add_visual(
+            eye.transformed((0.0, side * bail.half_span_m, 0.0), turn_to("y")), materials.bail, "handle"
+        )
         pin = cylinder(0.5 * bail.half_width_m, bail.half_thickness_m + 0.004, 10, 0.0005)
-        parts.draw(pin.transformed((0.0, side * bail.half_span_m, 0.0), turn_to("y")), materials.bail, "handle")
+        parts.add_visual(
+            pin.transformed((0.0, side * bail.half_span_m, 0.0), turn_to("y")), materials.bail, "handle"
+        )
 
 
 def _grip_mesh(bail: Bail) -> TriMesh:

@@ -7,7 +7,7 @@ import numpy as np
 
 from artiskill.assets.buckets.bail_path import bail_path
 from artiskill.assets.buckets.config import BailConfig
-from artiskill.assets.buckets.spec import Bail, Ear, Grip, Lip, Profile, Section
+from artiskill.assets.buckets.spec import Bail, BailGrip, Ear, Lip, Profile, Section
 from artiskill.assets.buckets.surface import clearance_m
 from artiskill.assets.ranges import Range
 from artiskill.geometry.arrays import norm
@@ -30,7 +30,7 @@ def draw_bail(
         rng: random generator.
         config: ranges.
         kind: as in `Bail`.
-        grip_kind: as in `Grip`.
+        grip_kind: as in `BailGrip`.
         rim: section, profile, lip and spout.
         ear: where its pivots lie.
     """
@@ -38,7 +38,7 @@ def draw_bail(
     width, thickness = _draw_halves(rng, config, kind)
     wanted = math.radians(rng.uniform(*config.limit_deg))
     radius = float(rng.uniform(*config.grip_radius_m))
-    grip = Grip(grip_kind, _round(rng.uniform(*config.grip_length_m)), _round(radius))
+    grip = BailGrip(grip_kind, _round(rng.uniform(*config.grip_length_m)), _round(radius))
     outside = profile.knots[-1][1] + lip.overhang_m + config.gap_m + thickness + 0.001
     span = _round(outside + (2 * ear.radius_m if ear.kind == "tab" else 0.0))
     roundness = rng.uniform(0.55, 0.75) * section.corner if section.kind == "square" else 1.0

@@ -45,7 +45,7 @@ class MaterialConfig:
 
 
 @dataclass(frozen=True)
-class FamilyConfig:
+class BucketFamilyConfig:
     """One kind of bucket.
 
     Attributes:
@@ -137,7 +137,7 @@ class BucketConfig:
         foot_height_m: of skirts and rings.
     """
 
-    families: tuple[FamilyConfig, ...]
+    families: tuple[BucketFamilyConfig, ...]
     materials: tuple[MaterialConfig, ...]
     bail: BailConfig
     least_floor_m: float
@@ -154,7 +154,7 @@ class BucketConfig:
             weights = [family.weight for family in self.families_of(held_out)]
             check(any(weights), f"families: at least one weight must be above 0 where held_out is {held_out}")
 
-    def families_of(self, held_out: bool) -> tuple[FamilyConfig, ...]:
+    def families_of(self, held_out: bool) -> tuple[BucketFamilyConfig, ...]:
         """The families of training and test objects, or the held-out ones."""
         return tuple(family for family in self.families if family.held_out == held_out)
 

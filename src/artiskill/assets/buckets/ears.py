@@ -46,10 +46,10 @@ def _add_boss(parts: LinkParts, spec: BucketSpec, side: float, material: Materia
         for xz, y in ((base, on_wall), (tip, ear.reach_m - 0.0015), (tip - 0.0015 * _ROUND, ear.reach_m))
     ]
     mesh = convex_hull(np.concatenate(rings)).mesh
-    parts.draw(mesh, material, "ear")
+    parts.add_visual(mesh, material, "ear")
     half = (1.05 * ear.radius_m, (ear.reach_m - foot) / 2, ear.radius_m)
     centre = parts.local((0.0, side * (ear.reach_m + foot) / 2, ear.z))
-    parts.touch(CollisionShape("box", half, centre, IDENTITY, part="ear"))
+    parts.add_collision(CollisionShape("box", half, centre, IDENTITY, part="ear"))
     return mesh
 
 
@@ -63,16 +63,16 @@ def _add_tab(parts: LinkParts, spec: BucketSpec, side: float, material: Material
     half_x, half_y = ear.half_width_m, ear.radius_m
     section = [(half_x, -half_y), (half_x, half_y), (-half_x, half_y), (-half_x, -half_y)]
     mesh = path_sweep([(0.0, side * y, z) for y, z in path], section, (1.0, 0.0, 0.0))
-    parts.draw(mesh, material, "ear")
+    parts.add_visual(mesh, material, "ear")
     # a little wider than the plate: no edge in common, and the skin of the whole stays closed
     disc = cylinder(1.01 * half_x, half_y, 18).transformed((0.0, side * plate, ear.z), turn_to("y"))
-    parts.draw(disc, material, "ear")
+    parts.add_visual(disc, material, "ear")
     for x, z in ((-0.5 * half_x, foot_z + 0.009), (0.5 * half_x, foot_z + 0.009), (0.0, foot_z + 0.024)):
         y = float(half_width(spec.profile, z)) + 2 * half_y
-        parts.draw(cylinder(*_RIVET_M, 8).transformed((x, side * y, z), turn_to("y")), material, "ear")
+        parts.add_visual(cylinder(*_RIVET_M, 8).transformed((x, side * y, z), turn_to("y")), material, "ear")
     low, high = (foot_z + lip_low) / 2, ear.z + 0.5 * half_x
     size = (half_x, max(half_y, 0.002), (high - low) / 2)
-    parts.touch(
+    parts.add_collision(
         CollisionShape("box", size, parts.local((0.0, side * plate, (low + high) / 2)), IDENTITY, part="ear")
     )
     return mesh
@@ -91,10 +91,10 @@ def _add_loop(parts: LinkParts, spec: BucketSpec, side: float, material: Materia
     flat = np.concatenate((right, right[::-1] * (-1.0, 1.0)))
     path = np.column_stack((flat[:, 0], side * flat[:, 1], np.full(len(flat), ear.z)))
     mesh = tube(path, ear.radius_m, 10)
-    parts.draw(mesh, material, "ear")
+    parts.add_visual(mesh, material, "ear")
     bends = path[[0, 3, 8, 11]]
     for start, end in pairwise(bends):
-        parts.touch(rod(parts.local(start), parts.local(end), ear.radius_m, "ear"))
+        parts.add_collision(rod(parts.local(start), parts.local(end), ear.radius_m, "ear"))
     return tube(path[1:-1], ear.radius_m, 10)
 
 

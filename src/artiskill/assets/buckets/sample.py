@@ -8,7 +8,7 @@ import numpy as np
 
 from artiskill.assets.buckets.appearance import sample_bucket_appearance
 from artiskill.assets.buckets.bail_fit import draw_bail
-from artiskill.assets.buckets.config import NO_BAIL, BucketConfig, FamilyConfig
+from artiskill.assets.buckets.config import NO_BAIL, BucketConfig, BucketFamilyConfig
 from artiskill.assets.buckets.masses import bail_mass_kg, body_mass_kg
 from artiskill.assets.buckets.profiles import draw_profile
 from artiskill.assets.buckets.spec import BucketSpec, Ear, Foot, Hoop, Lip, Profile, Section
@@ -54,7 +54,7 @@ def sample_bucket(rng: np.random.Generator, config: BucketConfig, held_out: bool
     )
 
 
-def _draw_spec(rng: np.random.Generator, config: BucketConfig, family: FamilyConfig) -> BucketSpec | None:
+def _draw_spec(rng: np.random.Generator, config: BucketConfig, family: BucketFamilyConfig) -> BucketSpec | None:
     """One draw, or None where a rule is broken."""
     section = _draw_section(rng, family)
     height, top = within(rng, family.height_m), within(rng, family.top_m) / 2
@@ -104,20 +104,20 @@ def _draw_spec(rng: np.random.Generator, config: BucketConfig, family: FamilyCon
     )
 
 
-def _draw_section(rng: np.random.Generator, family: FamilyConfig) -> Section:
+def _draw_section(rng: np.random.Generator, family: BucketFamilyConfig) -> Section:
     kind: Any = pick(rng, family.sections)
     corner = within(rng, _CORNERS[kind]) if kind in _CORNERS else 0.0
     return Section(kind, corner, within(rng, _ASPECT) if kind == "oval" else 1.0)
 
 
-def _draw_lip(rng: np.random.Generator, family: FamilyConfig) -> Lip:
+def _draw_lip(rng: np.random.Generator, family: BucketFamilyConfig) -> Lip:
     kind: Any = pick(rng, family.lips)
     overhang = within(rng, family.lip_m)
     height = within(rng, _LIP_HEIGHT_M[kind])
     return Lip(kind, overhang, round(overhang + height, 4) if kind == "rolled" else height)
 
 
-def _draw_foot(rng: np.random.Generator, config: BucketConfig, family: FamilyConfig, wall: float) -> Foot:
+def _draw_foot(rng: np.random.Generator, config: BucketConfig, family: BucketFamilyConfig, wall: float) -> Foot:
     kind: Any = pick(rng, family.feet)
     height, inset = within(rng, config.foot_height_m), within(rng, (0.003, 0.006))
     if kind == "flat":
@@ -125,7 +125,7 @@ def _draw_foot(rng: np.random.Generator, config: BucketConfig, family: FamilyCon
     return Foot(kind, height, inset if kind == "ring" else 0.0)
 
 
-def _draw_ear(rng: np.random.Generator, family: FamilyConfig, profile: Profile, lip: Lip) -> Ear:
+def _draw_ear(rng: np.random.Generator, family: BucketFamilyConfig, profile: Profile, lip: Lip) -> Ear:
     """Where the ears sit; how far those of a bail reach is known once the bail is fitted."""
     kind: Any = pick(rng, family.ears)
     rim = profile.knots[-1][0]
@@ -140,7 +140,7 @@ def _draw_ear(rng: np.random.Generator, family: FamilyConfig, profile: Profile, 
     return Ear(kind, z, round(reach, 4), within(rng, (0.045, 0.06)), within(rng, (0.0035, 0.005)))
 
 
-def _draw_hoops(rng: np.random.Generator, family: FamilyConfig, profile: Profile) -> tuple[Hoop, ...]:
+def _draw_hoops(rng: np.random.Generator, family: BucketFamilyConfig, profile: Profile) -> tuple[Hoop, ...]:
     """Bands of a wooden wall, which hold its staves together."""
     if family.material != "wood":
         return ()

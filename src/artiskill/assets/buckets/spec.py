@@ -75,7 +75,7 @@ class Hoop:
 
 
 @dataclass(frozen=True)
-class Grip:
+class BailGrip:
     """What the hand holds: a wooden `barrel`, a plastic `sleeve`, or the `bare` bail."""
 
     kind: GripKind
@@ -107,7 +107,7 @@ class Bail:
     half_width_m: float
     half_thickness_m: float
     limit_rad: float
-    grip: Grip
+    grip: BailGrip
 
 
 @dataclass(frozen=True)

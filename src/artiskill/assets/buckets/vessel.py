@@ -29,18 +29,18 @@ def add_vessel(parts: LinkParts, spec: BucketSpec, materials: Materials, rng: np
         _add_staves(parts, spec, materials.wall, rng)
     else:
         _add_wall(parts, spec, materials)
-        parts.draw(_carry(spec, _lip_loop(spec)), materials.lip, "lip")
+        parts.add_visual(_carry(spec, _lip_loop(spec)), materials.lip, "lip")
     _add_floor(parts, spec, materials.inside)
     if spec.foot.kind == "ring":
         outer = float(half_width(spec.profile, spec.foot.height_m)) - spec.foot.inset_m
-        parts.draw(
+        parts.add_visual(
             _carry(spec, _rectangle(outer - _FOOT_M, outer, 0.0, spec.foot.height_m)), materials.wall, "foot"
         )
     for hoop in spec.hoops:
         low, high = (float(half_width(spec.profile, z)) for z in (hoop.z0, hoop.z1))
         into, out = _HOOP_M
         loop = [(low + out, hoop.z0), (high + out, hoop.z1), (high - into, hoop.z1), (low - into, hoop.z0)]
-        parts.draw(_carry(spec, np.array(loop)), materials.ear, "wall")
+        parts.add_visual(_carry(spec, np.array(loop)), materials.ear, "wall")
 
 
 def _add_wall(parts: LinkParts, spec: BucketSpec, materials: Materials) -> None:
@@ -53,10 +53,10 @@ def _add_wall(parts: LinkParts, spec: BucketSpec, materials: Materials) -> None:
         return _carry(spec, np.concatenate((up, down[::-1])))
 
     if materials.wall is materials.inside:
-        parts.draw(skin(outer, outer - spec.wall_m), materials.wall, "wall")
+        parts.add_visual(skin(outer, outer - spec.wall_m), materials.wall, "wall")
         return
-    parts.draw(skin(outer, outer - spec.wall_m / 2), materials.wall, "wall")
-    parts.draw(skin(outer - spec.wall_m / 2, outer - spec.wall_m), materials.inside, "wall")
+    parts.add_visual(skin(outer, outer - spec.wall_m / 2), materials.wall, "wall")
+    parts.add_visual(skin(outer - spec.wall_m / 2, outer - spec.wall_m), materials.inside, "wall")
 
 
 def _heights(spec: BucketSpec) -> np.ndarray:
@@ -110,7 +110,7 @@ def _add_floor(parts: LinkParts, spec: BucketSpec, material: Material) -> None:
     for z in (spec.foot.height_m, spec.floor_z):
         scale = float(half_width(spec.profile, z)) - spec.wall_m / 2
         rings.append(np.column_stack((scale * around, np.full(len(around), z))))
-    parts.draw(loft(np.array(rings)), material, "floor")
+    parts.add_visual(loft(np.array(rings)), material, "floor")
 
 
 def _add_staves(parts: LinkParts, spec: BucketSpec, material: Material, rng: np.random.Generator) -> None:
@@ -126,4 +126,4 @@ def _add_staves(parts: LinkParts, spec: BucketSpec, material: Material, rng: np.
         # corners as far outside the circle as the middle of a face is inside
         radius = half_width(spec.profile, z) * 2 / (1 + np.cos(step / 2)) + depth - half[0]
         vertices = np.stack((radius * np.cos(angle), radius * np.sin(angle), z), axis=-1)
-        parts.draw(TriMesh(vertices, board.faces, board.uvs), material, "wall")
+        parts.add_visual(TriMesh(vertices, board.faces, board.uvs), material, "wall")

@@ -55,7 +55,7 @@ def _add_ring(
 
 def _touch_hull(parts: LinkParts, corners: np.ndarray, part: str) -> None:
     centre = corners.mean(axis=0)
-    parts.touch(CollisionShape("hull", (), parts.local(centre), IDENTITY, corners - centre, part))
+    parts.add_collision(CollisionShape("hull", (), parts.local(centre), IDENTITY, corners - centre, part))
 
 
 def _add_floor(parts: LinkParts, spec: BucketSpec) -> None:
@@ -66,8 +66,8 @@ def _add_floor(parts: LinkParts, spec: BucketSpec) -> None:
     if spec.section.kind == "oval":
         for angle in _OVAL_ANGLES:
             half = radius * spec.section.aspect * np.cos(angle), radius * np.sin(angle), high / 2
-            parts.touch(CollisionShape("box", tuple(map(float, half)), centre, IDENTITY, part="floor"))
+            parts.add_collision(CollisionShape("box", tuple(map(float, half)), centre, IDENTITY, part="floor"))
     elif spec.section.kind == "square":
-        parts.touch(CollisionShape("box", (radius, radius, high / 2), centre, IDENTITY, part="floor"))
+        parts.add_collision(CollisionShape("box", (radius, radius, high / 2), centre, IDENTITY, part="floor"))
     else:
-        parts.touch(standing_disc(radius, 0.0, high, "floor"))
+        parts.add_collision(standing_disc(radius, 0.0, high, "floor"))

@@ -22,7 +22,7 @@ class Boards(LinkParts):
         if collide:
             centre = mesh.vertices.mean(axis=0)
             corners = mesh.vertices - centre
-            self.touch(CollisionShape("hull", (), self.local(centre), IDENTITY, corners, part))
+            self.add_collision(CollisionShape("hull", (), self.local(centre), IDENTITY, corners, part))
 
     def form(self, mesh: TriMesh, grain: int, material: Material, part: str) -> None:
         """Draw a mesh, mapped flat from the front: exact on what faces the room."""
@@ -32,18 +32,18 @@ class Boards(LinkParts):
         uv = np.stack((y, z) if grain == 1 else (z, y), axis=1)
         uv = (uv - uv.min(axis=0)) / GRAIN_TILE_M
         uv += self._rng.random(2) * np.maximum(1.0 - uv.max(axis=0), 0.0)
-        self.draw(TriMesh(mesh.vertices - self._origin, mesh.faces, uv.astype(np.float32)), material, part)
+        self.add_visual(TriMesh(mesh.vertices - self._origin, mesh.faces, uv.astype(np.float32)), material, part)
 
     def tilted(
         self, centre: ArrayLike, half: ArrayLike, turn: np.ndarray, grain: int, material: Material, part: str
     ) -> None:
         """Draw a bevelled board turned about its centre; `half` extents before the turn."""
         mesh = panel_mesh(np.zeros(3), np.asarray(half, dtype=float), grain, self._rng)
-        self.draw(mesh.transformed(self.local(centre), turn), material, part)
+        self.add_visual(mesh.transformed(self.local(centre), turn), material, part)
 
-    def touch_between(self, low: ArrayLike, high: ArrayLike, part: str) -> None:
+    def add_collision_box(self, low: ArrayLike, high: ArrayLike, part: str) -> None:
         """Touch a box between two corners, without drawing it."""
         corners = np.array((low, high), dtype=float) - self._origin
         half = (corners[1] - corners[0]) / 2
         assert (half > 0).all(), f"{part} has no volume: half extents {half}"
-        self.touch(CollisionShape("box", tuple(half.tolist()), corners.mean(axis=0), IDENTITY, part=part))
+        self.add_collision(CollisionShape("box", tuple(half.tolist()), corners.mean(axis=0), IDENTITY, part=part))

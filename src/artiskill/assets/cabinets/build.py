@@ -71,8 +71,8 @@ def _wall(spec: CabinetSpec, wall: Wall, rng: np.random.Generator) -> Link:
     low = origin - (0.0, wall.width_m / 2, 0.0)
     high, half = low + size, np.array(size) / 2
     parts = Boards(origin, rng)
-    parts.draw(box(half).transformed(parts.local(low + half)), make_material(wall.surface), ROOM_WALL)
-    parts.touch_between(low, high, ROOM_WALL)
+    parts.add_visual(box(half).transformed(parts.local(low + half)), make_material(wall.surface), ROOM_WALL)
+    parts.add_collision_box(low, high, ROOM_WALL)
     visuals, shapes, points = parts.visuals(), tuple(parts.collisions), parts.surface_points()
     return Link(ROOM_WALL, 0, origin, IDENTITY, None, visuals, shapes, _MASONRY_KG_M3, points)
 
@@ -144,12 +144,12 @@ def _add_handle(
     model = spec.handle_of(cell)
     face = parts.local(handle_foot(spec, cell.handle))
     pull = build_pull(model, cell.handle, face, sinks(spec, cell, cell.handle))
-    parts.draw(pull.mesh, materials.handle, "handle")
+    parts.add_visual(pull.mesh, materials.handle, "handle")
     if pull.recess is not None:
-        parts.draw(pull.recess, materials.handle, "front_recess")
+        parts.add_visual(pull.recess, materials.handle, "front_recess")
     for shape in pull.collisions:
-        parts.touch(shape)
-    return handle_from_mesh(name, model.kind, pull.mesh, OUTWARD, rng, pull.hookable, pull.grip)
+        parts.add_collision(shape)
+    return handle_from_mesh(name, model.kind, pull.mesh, OUTWARD, rng, pull.hookable, pull.grasp)
 
 
 def _bounds(links: list[Link]) -> np.ndarray:

@@ -23,7 +23,7 @@ HOLDABLE = (*HANDLES, *LAYOUTS, *FACES, BOW)
 
 
 @dataclass(frozen=True)
-class FamilyConfig:
+class CabinetFamilyConfig:
     """One kind of furniture: its outer sizes and what its front is made of.
 
     Attributes:
@@ -205,7 +205,7 @@ class CabinetConfig:
         handle: see there.
     """
 
-    families: tuple[FamilyConfig, ...]
+    families: tuple[CabinetFamilyConfig, ...]
     held_out: tuple[str, ...]
     panel_m: Range
     back_m: Range

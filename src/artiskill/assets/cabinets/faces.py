@@ -150,4 +150,4 @@ def add_pierced(
         ((x0, rect.y0, hole.z0), (x1, hole.y0, hole.z1)),
         ((x0, hole.y1, hole.z0), (x1, rect.y1, hole.z1)),
     ):
-        parts.touch_between(low, high, part)
+        parts.add_collision_box(low, high, part)

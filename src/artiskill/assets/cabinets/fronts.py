@@ -30,7 +30,7 @@ def add_front(parts: Boards, spec: CabinetSpec, cell: Cell, materials: FrontMate
         add_planks(parts, spec, rect, materials.front, part)
     else:
         add_framed(parts, spec, cell, materials, part)
-    parts.touch_between((x0, rect.y0, rect.z0), (x1, rect.y1, rect.z1), part)
+    parts.add_collision_box((x0, rect.y0, rect.z0), (x1, rect.y1, rect.z1), part)
 
 
 def front_shapes(spec: CabinetSpec, cell: Cell) -> int:

@@ -26,12 +26,12 @@ def add_hinges(parts: Boards, spec: CabinetSpec, cell: Cell, material: Material)
         if spec.front.mount == "inset":
             # the barrel stands before the face, on the axis, and does not reach into the slit beside the door
             barrel = cylinder(min(spec.front.knuckle_m, spec.front.gap_m) * 0.95, _HALF_M, 8)
-            parts.draw(barrel.transformed(at, (1, 0, 0, 0) if upright else _TO_Y), material, "hinge")
+            parts.add_visual(barrel.transformed(at, (1, 0, 0, 0) if upright else _TO_Y), material, "hinge")
         elif _overlap(cell) > 0:
             cup = cylinder(_CUP_M[0], _CUP_PROUD_M, 14)
             back = spec.front.knuckle_m + spec.front.thickness_m
             inwards = _CUP_M[1] * _inwards(cell)
-            parts.draw(cup.transformed(at + np.array((back, *inwards)), _TO_X), material, "hinge")
+            parts.add_visual(cup.transformed(at + np.array((back, *inwards)), _TO_X), material, "hinge")
 
 
 def add_hinge_arms(parts: Boards, spec: CabinetSpec, cell: Cell, material: Material) -> None:
@@ -46,7 +46,7 @@ def add_hinge_arms(parts: Boards, spec: CabinetSpec, cell: Cell, material: Mater
     start = np.array(edge.get(_side(cell), (y, cell.clear.z0))) + inwards * _ARM_M[0]
     for at, upright in _places(cell):
         half = ((x1 - x0) / 2, *(_ARM_M if upright else _ARM_M[::-1]))
-        parts.draw(box(half).transformed(parts.local(((x0 + x1) / 2, *start)) + at), material, "hinge")
+        parts.add_visual(box(half).transformed(parts.local(((x0 + x1) / 2, *start)) + at), material, "hinge")
 
 
 def _places(cell: Cell) -> list[tuple[np.ndarray, bool]]:

@@ -4,7 +4,7 @@ from typing import Literal
 
 import numpy as np
 
-from artiskill.assets.cabinets.config import CabinetConfig, FamilyConfig
+from artiskill.assets.cabinets.config import CabinetConfig, CabinetFamilyConfig
 from artiskill.assets.cabinets.tree import Leaf, Node, Split
 from artiskill.assets.draws import pick
 
@@ -15,7 +15,12 @@ class Composer:
     """Draws the tree of splits for one cabinet."""
 
     def __init__(
-        self, rng: np.random.Generator, config: CabinetConfig, family: FamilyConfig, panel_m: float, inset: bool
+        self,
+        rng: np.random.Generator,
+        config: CabinetConfig,
+        family: CabinetFamilyConfig,
+        panel_m: float,
+        inset: bool,
     ) -> None:
         """Keep what all regions share."""
         self._rng = rng

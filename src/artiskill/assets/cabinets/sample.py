@@ -7,7 +7,7 @@ import numpy as np
 
 from artiskill.assets.cabinets.appearance import CabinetAppearance, sample_cabinet_appearance
 from artiskill.assets.cabinets.carcass import carcass_shapes
-from artiskill.assets.cabinets.config import CabinetConfig, FamilyConfig, WallConfig
+from artiskill.assets.cabinets.config import CabinetConfig, CabinetFamilyConfig, WallConfig
 from artiskill.assets.cabinets.drawers import BOX_SHAPES
 from artiskill.assets.cabinets.fronts import front_shapes
 from artiskill.assets.cabinets.habits import draw_habits
@@ -91,7 +91,7 @@ def _is_legal(spec: CabinetSpec, config: CabinetConfig) -> bool:
 
 
 def _draw_spec(
-    rng: np.random.Generator, config: CabinetConfig, family: FamilyConfig, kind: HandleKind
+    rng: np.random.Generator, config: CabinetConfig, family: CabinetFamilyConfig, kind: HandleKind
 ) -> CabinetSpec | None:
     """One draw, or None where a door or drawer came out illegal."""
     width, depth, height = (within(rng, r) for r in (family.width_m, family.depth_m, family.height_m))

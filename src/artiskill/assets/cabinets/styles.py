@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from artiskill.assets.cabinets.config import CabinetConfig, FamilyConfig, HandleConfig
+from artiskill.assets.cabinets.config import CabinetConfig, CabinetFamilyConfig, HandleConfig
 from artiskill.assets.cabinets.pulls.bars import FLAT_BAR_M, STRAP_M
 from artiskill.assets.cabinets.pulls.knobs import HEADS
 from artiskill.assets.cabinets.spec import BUMPER_M, FrontStyle, HandleKind, HandleModel, Support, Top
@@ -16,7 +16,7 @@ _CORNICE_STEP_M = (0.012, 0.02)
 _DOOR_KINDS: tuple[HandleKind, ...] = ("bar", "bow", "knob")  # beside another kind on the drawers
 
 
-def draw_front(rng: np.random.Generator, config: CabinetConfig, family: FamilyConfig) -> FrontStyle:
+def draw_front(rng: np.random.Generator, config: CabinetConfig, family: CabinetFamilyConfig) -> FrontStyle:
     """How the fronts are made."""
     inset = rng.random() < family.inset_probability
     face = pick(rng, family.faces)
@@ -36,7 +36,7 @@ def draw_front(rng: np.random.Generator, config: CabinetConfig, family: FamilyCo
 
 
 def draw_top(
-    rng: np.random.Generator, family: FamilyConfig, width_m: float, panel_m: float, front: FrontStyle
+    rng: np.random.Generator, family: CabinetFamilyConfig, width_m: float, panel_m: float, front: FrontStyle
 ) -> Top:
     """The top board, flush or overhanging."""
     upstand = within(rng, (0.05, 0.12)) if rng.random() < family.upstand_probability else 0.0
@@ -51,7 +51,9 @@ def draw_top(
     return Top(thick, over, round(min(side, most), 4), steps, upstand)
 
 
-def draw_support(rng: np.random.Generator, config: CabinetConfig, family: FamilyConfig, width_m: float) -> Support:
+def draw_support(
+    rng: np.random.Generator, config: CabinetConfig, family: CabinetFamilyConfig, width_m: float
+) -> Support:
     """What it stands on."""
     kind = pick(rng, family.supports)
     shape = pick(rng, config.leg_shapes)

@@ -82,8 +82,8 @@ def _add_leg(parts: Boards, spec: CabinetSpec, materials: Materials, x: float, y
         foot = _TAPER * radius
         profile = [(0.0, 0.0), (foot, 0.0), (radius, height), (0.0, height)]
         size = ((radius + foot) / 2, height / 2)
-    parts.draw(lathe(profile, _SEGMENTS).transformed(parts.local((x, y, 0.0))), materials.support, "leg")
-    parts.touch(CollisionShape("cylinder", size, parts.local((x, y, height / 2)), IDENTITY, part="leg"))
+    parts.add_visual(lathe(profile, _SEGMENTS).transformed(parts.local((x, y, 0.0))), materials.support, "leg")
+    parts.add_collision(CollisionShape("cylinder", size, parts.local((x, y, height / 2)), IDENTITY, part="leg"))
 
 
 def _add_splayed_leg(
@@ -97,10 +97,10 @@ def _add_splayed_leg(
         np.column_stack((np.asarray(top) + out + _TAPER * radius * circle, np.zeros(_SEGMENTS))),
         np.column_stack((np.asarray(top) + radius * circle, np.full(_SEGMENTS, height))),
     ]
-    parts.draw(loft(rings).transformed(parts.local((0.0, 0.0, 0.0))), materials.support, "leg")
+    parts.add_visual(loft(rings).transformed(parts.local((0.0, 0.0, 0.0))), materials.support, "leg")
     corners = np.concatenate([ring[::2] for ring in rings])
     centre = corners.mean(axis=0)
-    parts.touch(CollisionShape("hull", (), parts.local(centre), IDENTITY, corners - centre, "leg"))
+    parts.add_collision(CollisionShape("hull", (), parts.local(centre), IDENTITY, corners - centre, "leg"))
 
 
 def _add_sled(parts: Boards, spec: CabinetSpec, materials: Materials) -> None:
@@ -120,7 +120,7 @@ def _add_caster(parts: Boards, spec: CabinetSpec, materials: Materials, x: float
     radius, height = spec.support.leg_m / 2, spec.support.height_m
     half = 0.38 * radius
     wheel = cylinder(radius, half, 16, 0.15 * radius).transformed(parts.local((x, y, radius)), _TO_Y)
-    parts.draw(wheel, materials.tyre, "caster")
+    parts.add_visual(wheel, materials.tyre, "caster")
     fork, above = half + 0.004, height - _PLATE_M
     for inner, outer in ((-fork, -half), (half, fork)):
         cheek = (x - 0.5 * radius, y + inner, 0.9 * radius), (x + 0.5 * radius, y + outer, above)
@@ -128,4 +128,4 @@ def _add_caster(parts: Boards, spec: CabinetSpec, materials: Materials, x: float
     plate = min(1.1 * radius, spec.support.setback_m + radius)
     corners = (x - plate, y - plate, above), (x + plate, y + plate, height)
     parts.panel(*corners, materials.runner, "caster", collide=False)
-    parts.touch_between((x - 0.85 * radius, y - fork, 0.0), (x + 0.85 * radius, y + fork, height), "caster")
+    parts.add_collision_box((x - 0.85 * radius, y - fork, 0.0), (x + 0.85 * radius, y + fork, height), "caster")

@@ -24,7 +24,7 @@ _MOST_LEAN_DEG = 25.0
 
 
 @dataclass(frozen=True)
-class FamilyConfig:
+class ChairFamilyConfig:
     """One kind of chair: which parts it is put together from, with which weights.
 
     Attributes:
@@ -167,7 +167,7 @@ class ChairConfig:
         masses: of the parts.
     """
 
-    families: tuple[FamilyConfig, ...]
+    families: tuple[ChairFamilyConfig, ...]
     seats: dict[str, SeatConfig]
     hard_seat_m: Range
     backs: dict[str, BackConfig]

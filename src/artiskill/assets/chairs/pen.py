@@ -35,13 +35,15 @@ class Pen:
         elif uvs is None:
             uvs = (matmul(mesh.vertices, _PLANE) / skin.tile_m).astype(np.float32)
         placed = TriMesh(mesh.vertices, mesh.faces, uvs).transformed(self._origin, self._turn)
-        self._parts.draw(placed, skin.material, part)
+        self._parts.add_visual(placed, skin.material, part)
 
     def shape(self, shape: CollisionShape) -> None:
         """Touch a shape."""
         position = self._origin + quat_rotate(self._turn, np.asarray(shape.position, dtype=float))
         turn = quat_multiply(self._turn, shape.quaternion)
-        self._parts.touch(CollisionShape(shape.kind, shape.size, position, turn, shape.vertices, shape.part))
+        self._parts.add_collision(
+            CollisionShape(shape.kind, shape.size, position, turn, shape.vertices, shape.part)
+        )
 
     def bar(
         self,

@@ -7,7 +7,7 @@ import numpy as np
 from artiskill.assets.chairs.appearance import sample_chair_appearance
 from artiskill.assets.chairs.base import hub_top_m
 from artiskill.assets.chairs.column import tube_top_m
-from artiskill.assets.chairs.config import ChairConfig, FamilyConfig, MassConfig
+from artiskill.assets.chairs.config import ChairConfig, ChairFamilyConfig, MassConfig
 from artiskill.assets.chairs.sample_lower import draw_base, draw_casters, draw_column
 from artiskill.assets.chairs.sample_upper import draw_arms, draw_back, draw_seat
 from artiskill.assets.chairs.spec import Arms, Back, Base, Casters, ChairSpec, Column, Masses, Mechanism, Seat
@@ -80,7 +80,7 @@ def _arms_fit(spec: ChairSpec) -> bool:
     return low <= spec.arms.height_m <= high
 
 
-def _draw_spec(rng: np.random.Generator, config: ChairConfig, family: FamilyConfig) -> ChairSpec:
+def _draw_spec(rng: np.random.Generator, config: ChairConfig, family: ChairFamilyConfig) -> ChairSpec:
     structure, cover = pick(rng, family.structures), pick(rng, family.covers)
     seat = draw_seat(rng, config, family, cover)
     base = draw_base(rng, config, pick(rng, family.bases), structure, seat)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from artiskill.assets.chairs.config import ChairConfig, FamilyConfig
+from artiskill.assets.chairs.config import ChairConfig, ChairFamilyConfig
 from artiskill.assets.chairs.spec import Base, CasterKind, Casters, Column, Seat
 from artiskill.assets.draws import chance, pick, within
 
@@ -63,7 +63,9 @@ def _draw_star(
     )
 
 
-def draw_casters(rng: np.random.Generator, config: ChairConfig, family: FamilyConfig, legs: int) -> Casters | None:
+def draw_casters(
+    rng: np.random.Generator, config: ChairConfig, family: ChairFamilyConfig, legs: int
+) -> Casters | None:
     """The casters of a star base; None where there are no legs."""
     if legs == 0:
         return None
@@ -80,7 +82,7 @@ def draw_casters(rng: np.random.Generator, config: ChairConfig, family: FamilyCo
     return Casters(kind, diameter, round(diameter * within(rng, width), 4), trail, split, yaws)
 
 
-def draw_column(rng: np.random.Generator, config: ChairConfig, family: FamilyConfig, seat: Seat) -> Column:
+def draw_column(rng: np.random.Generator, config: ChairConfig, family: ChairFamilyConfig, seat: Seat) -> Column:
     """The column; its ring for the feet is only drawn under high seats."""
     travel = within(rng, config.lift_travel_m) if chance(rng, config.lift_probability) else 0.0
     force, compressed = within(rng, config.lift_force_n, 0), within(rng, _LIFT_PRELOAD_M)

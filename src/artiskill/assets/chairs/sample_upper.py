@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from artiskill.assets.chairs.config import ChairConfig, FamilyConfig
+from artiskill.assets.chairs.config import ChairConfig, ChairFamilyConfig
 from artiskill.assets.chairs.spec import ArmKind, Arms, Back, BackKind, Headrest, Seat, SeatKind
 from artiskill.assets.draws import chance, pick, within
 
@@ -15,7 +15,7 @@ _BACK_EXPONENT = {"low": (3.0, 6.0), "high": (4.0, 8.0), "mesh": (3.5, 6.0), "cu
 _SHELL_THICK_M = 0.016  # added to a shell that is upholstered
 
 
-def draw_seat(rng: np.random.Generator, config: ChairConfig, family: FamilyConfig, cover: str) -> Seat:
+def draw_seat(rng: np.random.Generator, config: ChairConfig, family: ChairFamilyConfig, cover: str) -> Seat:
     """The seat; `cover` is what it is covered with or made of."""
     kind: SeatKind = pick(rng, family.seats)  # type: ignore[assignment]
     soft = cover in _SOFT
@@ -37,7 +37,9 @@ def draw_seat(rng: np.random.Generator, config: ChairConfig, family: FamilyConfi
     )
 
 
-def draw_back(rng: np.random.Generator, config: ChairConfig, family: FamilyConfig, seat: Seat, cover: str) -> Back:
+def draw_back(
+    rng: np.random.Generator, config: ChairConfig, family: ChairFamilyConfig, seat: Seat, cover: str
+) -> Back:
     """The back; of kind `none` where there is none."""
     kind: BackKind = pick(rng, family.backs)  # type: ignore[assignment]
     sizes = config.backs[kind]
@@ -78,7 +80,7 @@ def _draw_headrest(rng: np.random.Generator) -> Headrest:
     return Headrest(width, height, within(rng, (0.030, 0.050)), within(rng, (0.015, 0.035)))
 
 
-def draw_arms(rng: np.random.Generator, config: ChairConfig, family: FamilyConfig, reclines: bool) -> Arms:
+def draw_arms(rng: np.random.Generator, config: ChairConfig, family: ChairFamilyConfig, reclines: bool) -> Arms:
     """The armrests; a back that leans back by itself carries none, and none may stand in its way."""
     weights = dict(family.arms)
     if reclines:

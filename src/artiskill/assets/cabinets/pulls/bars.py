@@ -9,7 +9,7 @@ from artiskill.assets.cabinets.pulls.pull import (
     TO_X,
     Pull,
     Sinks,
-    bar_grip,
+    bar_grasp,
     block,
     capsule_between,
     is_hookable,
@@ -53,8 +53,8 @@ def build_bar(model: HandleModel, length_m: float, sinks: Sinks) -> Pull:
         between = ((sink + middle) / 2, 0.0, z)
         meshes.append(cylinder(post, (sink - middle) / 2, _POST_SIDES).transformed(between, TO_X))
         shapes.append(capsule_between((sink, 0, z), (middle, 0, z), post))
-    grip = bar_grip(model.projection_m, thick, model.diameter_m)
-    return Pull(merge(meshes), tuple(shapes), grip, is_hookable(model.projection_m, thick))
+    grasp = bar_grasp(model.projection_m, thick, model.diameter_m)
+    return Pull(merge(meshes), tuple(shapes), grasp, is_hookable(model.projection_m, thick))
 
 
 def build_bow(model: HandleModel, length_m: float, sinks: Sinks) -> Pull:
@@ -80,8 +80,8 @@ def build_bow(model: HandleModel, length_m: float, sinks: Sinks) -> Pull:
     else:
         mesh = strip(path, _Y, width / 2, thick / 2, ROUND_SIDES)
         shapes = [capsule_between(*piece, radius=thick / 2) for piece in pieces]
-    grip = bar_grip(model.projection_m, thick, width)
-    return Pull(mesh, tuple(shapes), grip, is_hookable(model.projection_m, thick))
+    grasp = bar_grasp(model.projection_m, thick, width)
+    return Pull(mesh, tuple(shapes), grasp, is_hookable(model.projection_m, thick))
 
 
 def _d_path(out: float, half: float) -> np.ndarray:

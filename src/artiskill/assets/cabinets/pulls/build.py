@@ -12,7 +12,7 @@ from artiskill.assets.cabinets.pulls.edges import build_lip, build_slot
 from artiskill.assets.cabinets.pulls.knobs import build_knob, build_ring
 from artiskill.assets.cabinets.pulls.pull import Pull, Sinks
 from artiskill.assets.cabinets.spec import HandleModel, HandlePlace
-from artiskill.assets.handles import Grip
+from artiskill.assets.handles import HandleGrasp
 from artiskill.assets.parts import IDENTITY
 from artiskill.geometry.rotations import quat_from_axis_angle, quat_multiply, quat_rotate
 
@@ -55,11 +55,11 @@ def build_pull(model: HandleModel, place: HandlePlace, face: np.ndarray, sinks: 
     def put(shape: CollisionShape) -> CollisionShape:
         return replace(shape, position=moved(shape.position), quaternion=quat_multiply(turn, shape.quaternion))
 
-    grip = Grip(
-        moved(pull.grip.position),
-        np.stack([quat_rotate(turn, across) for across in pull.grip.across]),
-        pull.grip.width_m,
+    grasp = HandleGrasp(
+        moved(pull.grasp.position),
+        np.stack([quat_rotate(turn, across) for across in pull.grasp.across]),
+        pull.grasp.width_m,
     )
     recess = None if pull.recess is None else pull.recess.scaled(mirror).transformed(face, turn)
     mesh = pull.mesh.scaled(mirror).transformed(face, turn)
-    return Pull(mesh, tuple(put(shape) for shape in pull.collisions), grip, pull.hookable, recess)
+    return Pull(mesh, tuple(put(shape) for shape in pull.collisions), grasp, pull.hookable, recess)

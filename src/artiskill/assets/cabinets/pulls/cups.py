@@ -5,7 +5,7 @@ import numpy as np
 from artiskill.assets.articulated_object import CollisionShape
 from artiskill.assets.cabinets.pulls.pull import PART, Pull, Sinks
 from artiskill.assets.cabinets.spec import HandleModel
-from artiskill.assets.handles import Grip, grasp_depth
+from artiskill.assets.handles import HandleGrasp, grasp_depth
 from artiskill.assets.parts import IDENTITY
 from artiskill.geometry.exact import power
 from artiskill.geometry.meshes import TriMesh
@@ -29,12 +29,12 @@ def build_cup(model: HandleModel, length_m: float, sinks: Sinks) -> Pull:
             centre = corners.mean(axis=0)
             shapes.append(CollisionShape("hull", (), centre, IDENTITY, corners - centre, PART))
     low, high = -model.size_m / 2, model.size_m / 2
-    grip = Grip(
+    grasp = HandleGrasp(
         np.array((-model.projection_m + grasp_depth(model.projection_m), (low + high) / 2, 0.0)),
         np.array(((0.0, 1.0, 0.0),)),
         model.size_m,
     )
-    return Pull(_skin(outer, inner), tuple(shapes), grip, hookable=True)
+    return Pull(_skin(outer, inner), tuple(shapes), grasp, hookable=True)
 
 
 def _surface(model: HandleModel, length_m: float, inset_m: float, along: int, around: int) -> np.ndarray:

@@ -7,12 +7,12 @@ from artiskill.assets.cabinets.pulls.pull import (
     ROUND_SIDES,
     Pull,
     Sinks,
-    bar_grip,
+    bar_grasp,
     block,
     capsule_between,
 )
 from artiskill.assets.cabinets.spec import HandleModel
-from artiskill.assets.handles import Grip, grasp_depth
+from artiskill.assets.handles import HandleGrasp, grasp_depth
 from artiskill.geometry.meshes import TriMesh, box, cylinder, merge
 
 Corner = tuple[float, float, float]
@@ -36,8 +36,10 @@ def build_lip(model: HandleModel, length_m: float, sinks: Sinks) -> Pull:
         pieces.append(((-out, edge, -half), (-out + max(thick, 0.004), edge + width, half)))
         shapes.append(block(*pieces[-1]))
     meshes = [_solid(low, high, _BEVEL_M) for low, high in pieces]
-    grip = Grip(np.array((-out + grasp_depth(out), edge + width / 2, 0.0)), np.array(((0.0, 1.0, 0.0),)), width)
-    return Pull(merge(meshes), tuple(shapes), grip, hookable=model.shape == "hooked")
+    grasp = HandleGrasp(
+        np.array((-out + grasp_depth(out), edge + width / 2, 0.0)), np.array(((0.0, 1.0, 0.0),)), width
+    )
+    return Pull(merge(meshes), tuple(shapes), grasp, hookable=model.shape == "hooked")
 
 
 def build_slot(model: HandleModel, length_m: float, sinks: Sinks) -> Pull:
@@ -62,9 +64,9 @@ def build_slot(model: HandleModel, length_m: float, sinks: Sinks) -> Pull:
         ((0.0005, -side, half), (depth + t, side, half + t)),
     )
     back = block((depth, -side, -half), (depth + 0.002, side, half))
-    grip = bar_grip(0.0, 2 * radius, model.diameter_m)
+    grasp = bar_grasp(0.0, 2 * radius, model.diameter_m)
     recess = merge([_solid(low, high, 0.0) for low, high in walls])
-    return Pull(bar.transformed(middle), (touched, back), grip, hookable=True, recess=recess)
+    return Pull(bar.transformed(middle), (touched, back), grasp, hookable=True, recess=recess)
 
 
 def _solid(low: Corner, high: Corner, bevel_m: float) -> TriMesh:

@@ -12,7 +12,7 @@ from artiskill.assets.cabinets.pulls.pull import (
     capsule_between,
 )
 from artiskill.assets.cabinets.spec import HandleModel
-from artiskill.assets.handles import Grip, grasp_depth
+from artiskill.assets.handles import HandleGrasp, grasp_depth
 from artiskill.geometry.meshes import box, cylinder, lathe, merge, sphere
 from artiskill.geometry.strips import torus
 
@@ -53,8 +53,8 @@ def build_knob(model: HandleModel, length_m: float, sinks: Sinks) -> Pull:
     turns = np.arange(2 if model.shape == "square" else _ROUND_TURNS)
     angles = turns * np.pi / len(turns)
     across = np.stack((0 * angles, np.cos(angles), np.sin(angles)), axis=-1)
-    grip = Grip(np.array((-(out - depth), 0.0, 0.0)), across, model.diameter_m)
-    return Pull(mesh, shapes, grip, hookable=radius - neck >= 0.008)
+    grasp = HandleGrasp(np.array((-(out - depth), 0.0, 0.0)), across, model.diameter_m)
+    return Pull(mesh, shapes, grasp, hookable=radius - neck >= 0.008)
 
 
 def _head(shape: str, radius: float, neck: float, back: float, out: float) -> list[tuple[float, float]]:
@@ -113,5 +113,5 @@ def build_ring(model: HandleModel, length_m: float, sinks: Sinks) -> Pull:
     corners = np.stack((0 * angles + x, reach * np.sin(angles), reach * np.cos(angles)), axis=-1)
     shapes = [capsule_between(corners[k], corners[k + 1], wire) for k in range(_RING_SEGMENTS)]
     shapes.append(capsule_between(foot, top, neck))
-    grip = Grip(np.array((x, 0.0, 0.0)), np.array(((0.0, 1.0, 0.0),)), model.size_m)
-    return Pull(merge(parts), tuple(shapes), grip, hookable=True)
+    grasp = HandleGrasp(np.array((x, 0.0, 0.0)), np.array(((0.0, 1.0, 0.0),)), model.size_m)
+    return Pull(merge(parts), tuple(shapes), grasp, hookable=True)

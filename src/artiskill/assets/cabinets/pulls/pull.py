@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from artiskill.assets.articulated_object import CollisionShape
-from artiskill.assets.handles import Grip, grasp_depth
+from artiskill.assets.handles import HandleGrasp, grasp_depth
 from artiskill.assets.parts import IDENTITY
 from artiskill.geometry.arrays import norm
 from artiskill.geometry.meshes import TriMesh
@@ -38,14 +38,14 @@ class Pull:
     Attributes:
         mesh: its drawn surface.
         collisions: what is touched.
-        grip: where a hand takes hold.
+        grasp: where a hand takes hold.
         hookable: whether a finger fits behind it.
         recess: the lining of the hollow that it lies in, or None.
     """
 
     mesh: TriMesh
     collisions: tuple[CollisionShape, ...]
-    grip: Grip
+    grasp: HandleGrasp
     hookable: bool
     recess: TriMesh | None = None
 
@@ -72,10 +72,10 @@ def turn_onto(direction: np.ndarray) -> np.ndarray:
     return quat_from_axis_angle(axis, math.atan2(sine, direction[2]))
 
 
-def bar_grip(projection_m: float, thickness_m: float, width_m: float) -> Grip:
+def bar_grasp(projection_m: float, thickness_m: float, width_m: float) -> HandleGrasp:
     """Across the middle of something that stands so far out and is so thick (x) and so wide (y)."""
     centre = np.array((-projection_m + grasp_depth(thickness_m), 0.0, 0.0))
-    return Grip(centre, _Y[None], width_m)
+    return HandleGrasp(centre, _Y[None], width_m)
 
 
 def is_hookable(projection_m: float, thickness_m: float) -> bool:
