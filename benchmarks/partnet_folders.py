@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from artiskill.geometry.meshes import TriMesh, box, cylinder, lathe, merge, sphere, tube
+from artiskill.geometry.meshes import TriMesh, merge
+from artiskill.geometry.primitives import box, cylinder, lathe, sphere, tube
 
 Part = tuple[str, TriMesh]
 

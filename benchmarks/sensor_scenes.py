@@ -8,7 +8,7 @@ import numpy as np
 
 from artiskill.assets.articulated_object import Material, VisualMesh
 from artiskill.assets.catalog import load_object
-from artiskill.geometry.meshes import box, sphere
+from artiskill.geometry.primitives import box, sphere
 from artiskill.robots.config import load_robot
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.scene import build_scene

@@ -136,12 +136,12 @@ def test_imports_point_one_way() -> None:
 def test_the_check_would_notice() -> None:
     """The tests here are only worth something if they can fail."""
     path = SOURCE / "geometry" / "imaginary.py"
-    text = "def f():\n    from artiskill.assets.handles import x\n    from .. import sim\nfrom . import hulls\n"
+    text = "def f():\n    from artiskill.assets.handles import x\n    from .. import sim\nfrom . import meshes\n"
     names = {found.name: backward(found) for found in imports_of(path, text)}
     assert names == {
         "artiskill.assets.handles.x": True,
         "artiskill.sim": True,
-        "artiskill.geometry.hulls": False,
+        "artiskill.geometry.meshes": False,
     }
 
 

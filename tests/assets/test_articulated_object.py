@@ -18,7 +18,7 @@ from artiskill.assets.articulated_object import (
     VisualMesh,
 )
 from artiskill.errors import AssetError, UnknownNameError
-from artiskill.geometry.meshes import box
+from artiskill.geometry.primitives import box
 
 IDENTITY = np.array((1.0, 0.0, 0.0, 0.0))
 

@@ -23,8 +23,8 @@ from artiskill.assets.buckets.section import coarse_outline, gauge, outline
 from artiskill.assets.buckets.spec import Section
 from artiskill.config import dump_yaml, from_mapping, to_mapping
 from artiskill.errors import AssetError, ConfigError
-from artiskill.geometry.hulls import convex_hull, depth_inside
-from artiskill.geometry.meshes import TriMesh, box, capsule, cylinder, sample_surface, triangle_areas
+from artiskill.geometry.meshes import TriMesh, convex_hull, depth_inside, sample_surface, triangle_areas
+from artiskill.geometry.primitives import box, capsule, cylinder
 from artiskill.geometry.rotations import quat_from_axis_angle, quat_multiply, quat_rotate
 from artiskill.scene.object_model import add_object
 from artiskill.scene.options import Group, set_contact, set_joint_limits_solver, set_options

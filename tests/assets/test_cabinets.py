@@ -28,8 +28,7 @@ from artiskill.assets.similarity import describe, distance
 from artiskill.config import dump_yaml, from_mapping, to_mapping
 from artiskill.errors import AssetError, ConfigError
 from artiskill.gallery.facts import object_facts
-from artiskill.geometry.hulls import convex_hull, depth_inside
-from artiskill.geometry.meshes import triangle_areas
+from artiskill.geometry.meshes import convex_hull, depth_inside, triangle_areas
 from artiskill.geometry.rotations import quat_from_axis_angle, quat_rotate, transform_points
 
 SEEDS = range(8)

@@ -23,8 +23,8 @@ from artiskill.assets.volumes import shapes_volume_m3
 from artiskill.checks.runner import check_object
 from artiskill.config import dump_yaml, from_mapping, to_mapping
 from artiskill.errors import AssetError, ConfigError
-from artiskill.geometry.hulls import convex_hull
-from artiskill.geometry.meshes import TriMesh, box, capsule, cylinder, merge, sphere, triangle_areas
+from artiskill.geometry.meshes import TriMesh, convex_hull, merge, triangle_areas
+from artiskill.geometry.primitives import box, capsule, cylinder, sphere
 from artiskill.robots.shapes import add_shape
 from artiskill.scene.object_model import add_object
 from artiskill.scene.options import Group, set_contact, set_joint_limits_solver, set_options

@@ -8,8 +8,8 @@ import pytest
 from artiskill.assets.articulated_object import Handle
 from artiskill.assets.handles import POINTS_PER_HANDLE, HandleGrasp, handle_from_mesh
 from artiskill.errors import AssetError
-from artiskill.geometry.hulls import depth_inside
-from artiskill.geometry.meshes import TriMesh, box, cylinder
+from artiskill.geometry.meshes import TriMesh, depth_inside
+from artiskill.geometry.primitives import box, cylinder
 from artiskill.geometry.rotations import quat_from_axis_angle, quat_rotate
 
 OUTWARD = np.array((-1.0, 0.0, 0.0))

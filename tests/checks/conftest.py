@@ -17,7 +17,8 @@ from artiskill.assets.articulated_object import (
     VisualMesh,
 )
 from artiskill.assets.handles import handle_from_mesh
-from artiskill.geometry.meshes import TriMesh, box, merge, sphere
+from artiskill.geometry.meshes import TriMesh, merge
+from artiskill.geometry.primitives import box, sphere
 
 IDENTITY = np.array((1.0, 0.0, 0.0, 0.0))
 GREY = Material("grey", (0.5, 0.5, 0.5, 1.0))

@@ -5,7 +5,7 @@ import pytest
 
 from artiskill.assets.articulated_object import CollisionShape
 from artiskill.checks.shapes import TouchedSurface
-from artiskill.geometry.meshes import box
+from artiskill.geometry.primitives import box
 from artiskill.geometry.rotations import quat_from_rpy, transform_points
 
 TURN = quat_from_rpy((0.3, -0.5, 1.1))

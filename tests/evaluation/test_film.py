@@ -17,7 +17,7 @@ from artiskill.evaluation.pictures import EpisodeChoice, picture_episode
 from artiskill.evaluation.policies import load_policy
 from artiskill.evaluation.scene_pictures import PictureStyle
 from artiskill.evaluation.video import caption_share
-from artiskill.geometry.meshes import box
+from artiskill.geometry.primitives import box
 from artiskill.geometry.rotations import transform_points
 from artiskill.scene.cache import cached_scene
 from artiskill.scene.scene import Scene

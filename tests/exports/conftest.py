@@ -12,7 +12,8 @@ from artiskill.assets.articulated_object import (
     VisualMesh,
 )
 from artiskill.assets.kinematics import drawn_points, joint_values
-from artiskill.geometry.meshes import TriMesh, box, cylinder, merge
+from artiskill.geometry.meshes import TriMesh, merge
+from artiskill.geometry.primitives import box, cylinder
 from artiskill.geometry.rotations import quat_from_rpy
 
 STILL = np.array((1.0, 0.0, 0.0, 0.0))

@@ -18,8 +18,8 @@ _FIRST_USE = """
 import json, sys
 import numpy as np
 from numba.core import event
-from artiskill.geometry import compile_notice
-compile_notice.PATIENCE_S, compile_notice._SHORT_S = 0.01, 0.02
+from artiskill.geometry import kernel_cache
+kernel_cache.CHECK_EVERY_S, kernel_cache.SHORT_S = 0.01, 0.02
 from artiskill.sensors.orthographic import draw_heights
 compiled = []
 class Listener(event.Listener):

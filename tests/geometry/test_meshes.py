@@ -1,49 +1,13 @@
+"""Meshes and convex hulls of known bodies, samples of surfaces, and signed distances against brute force."""
+
+import array_api_strict
 import numpy as np
 import pytest
 
-from artiskill.geometry.meshes import (
-    TriMesh,
-    box,
-    capsule,
-    cylinder,
-    extrude,
-    lathe,
-    loft,
-    merge,
-    rounded_box,
-    rounded_rectangle,
-    sample_surface,
-    sphere,
-    superellipse,
-    superellipse_loft,
-    triangle_areas,
-    tube,
-)
+from artiskill.geometry.meshes import TriMesh, convex_hull, depth_inside, merge, sample_surface
+from artiskill.geometry.primitives import box
 
-BODIES = {
-    "box": (box((0.1, 0.2, 0.3)), 8 * 0.006),
-    "bevelled box": (box((0.1, 0.2, 0.3), 0.001), 8 * 0.006),
-    "cylinder": (cylinder(0.1, 0.2, 64), np.pi * 0.01 * 0.4),
-    "capsule": (capsule(0.1, 0.2, 48, 12), np.pi * 0.01 * 0.4 + 4 / 3 * np.pi * 0.001),
-    "sphere": (sphere(0.1, 48, 14), 4 / 3 * np.pi * 0.001),
-    "lathe": (lathe([(0, 0), (0.2, 0), (0, 0.3)], 64), np.pi * 0.04 * 0.3 / 3),
-    "extrude": (extrude([(0, 0), (1, 0), (0, 1)], 0.5), 0.5),
-    "tube": (tube([(0, 0, z) for z in np.linspace(0, 1, 5)], 0.1, 64), np.pi * 0.01),
-    "superellipse_loft": (
-        superellipse_loft([(0, 0, 0, 0.1, 0.2, 2), (1, 0.3, 0.1, 0.1, 0.2, 2)], 64),
-        np.pi * 0.02,
-    ),
-    "rounded_box": (
-        rounded_box((0.1, 0.2, 0.3), 0.03, arc=9, bevel_m=1e-4),
-        1.2 * (0.08 - (4 - np.pi) * 0.0009) / 2,
-    ),
-}
-
-
-def edge_counts(mesh: TriMesh) -> tuple[np.ndarray, set[tuple[int, int]]]:
-    edges = np.concatenate([mesh.faces[:, [i, (i + 1) % 3]] for i in range(3)])
-    unique, counts = np.unique(edges, axis=0, return_counts=True)
-    return counts, {(int(a), int(b)) for a, b in unique}
+CUBE = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
 
 def volume(mesh: TriMesh) -> float:
@@ -51,57 +15,9 @@ def volume(mesh: TriMesh) -> float:
     return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6)
 
 
-@pytest.mark.parametrize("name", BODIES)
-def test_primitives_are_closed_and_face_outwards(name):
-    mesh, _ = BODIES[name]
-    counts, edges = edge_counts(mesh)
-    assert counts.max() == 1
-    assert all((b, a) in edges for a, b in edges)
-    assert triangle_areas(mesh).min() > 0
-
-
-@pytest.mark.parametrize("name", BODIES)
-def test_primitives_have_the_volume_of_their_formula(name):
-    mesh, expected = BODIES[name]
-    assert volume(mesh) == pytest.approx(expected, rel=0.02)
-
-
-def test_superellipse_points_satisfy_their_equation():
-    points = superellipse(0.3, 0.2, 5.0, 24)
-    assert np.sum((np.abs(points) / (0.3, 0.2)) ** 5.0, axis=1) == pytest.approx(np.ones(24))
-    turn = np.cross(np.pad(points, ((0, 0), (0, 1))), np.pad(np.roll(points, -1, 0), ((0, 0), (0, 1))))[:, 2]
-    assert turn.min() > 0  # counter-clockwise
-
-
-def test_rounded_rectangle_stays_within_its_sides_and_touches_them():
-    points = rounded_rectangle(0.3, 0.2, 0.05, arc=5)
-    assert points.shape == (20, 2)
-    assert np.abs(points).max(axis=0) == pytest.approx([0.3, 0.2])
-    corner = points[np.all(points > 0, axis=1)] - (0.25, 0.15)
-    assert np.linalg.norm(corner, axis=1) == pytest.approx(np.full(5, 0.05))
-
-
-def test_rounded_box_has_the_size_asked_for():
-    assert rounded_box((0.1, 0.2, 0.3), 0.02).bounds == pytest.approx(
-        np.array([[-0.1, -0.2, -0.3], [0.1, 0.2, 0.3]])
-    )
-
-
-def test_loft_through_tilted_rings_is_closed():
-    ring = superellipse(0.1, 0.1, 2.0, 12)
-    upright = np.column_stack((ring, np.zeros(12)))
-    # a quarter bend: from travelling along z to travelling along x about a pivot at x = 0.3
-    bend = np.column_stack((0.3 + np.zeros(12), ring[:, 1], 0.3 - ring[:, 0]))
-    mesh = loft([upright, bend])
-    counts, edges = edge_counts(mesh)
-    assert counts.max() == 1
-    assert all((b, a) in edges for a, b in edges)
-    assert volume(mesh) > 0
-
-
 def test_mirroring_keeps_faces_outwards():
-    mesh, expected = BODIES["box"]
-    assert volume(mesh.scaled((-1, 1, 1))) == pytest.approx(expected)
+    mesh = box((0.1, 0.2, 0.3))
+    assert volume(mesh.scaled((-1, 1, 1))) == pytest.approx(8 * 0.006)
 
 
 def test_merge_keeps_parts_and_uvs_only_where_all_have_them():
@@ -119,3 +35,83 @@ def test_surface_samples_lie_on_the_surface_and_follow_area():
     near = points[:, 0] < 3
     assert np.abs(points[near]).max(axis=1) == pytest.approx(np.ones(near.sum()))
     assert (~near).mean() == pytest.approx(0.01 / 1.01, abs=0.005)
+
+
+def test_a_cube() -> None:
+    inner = np.random.default_rng(0).uniform(-0.9, 0.9, size=(50, 3))
+    hull = convex_hull(np.concatenate((inner, CUBE)))
+    assert hull.volume_m3 == pytest.approx(8.0)
+    assert hull.planes.shape == (6, 4)
+    assert len(hull.mesh.faces) == 12
+    assert {tuple(v) for v in hull.mesh.vertices} == {tuple(v) for v in CUBE}
+    np.testing.assert_allclose(np.linalg.norm(hull.planes[:, :3], axis=1), 1.0)
+
+
+def test_faces_look_outwards(rng: np.random.Generator) -> None:
+    points = rng.normal(size=(80, 3)) + np.array((5, -3, 2))
+    hull = convex_hull(points)
+    a, b, c = (hull.mesh.vertices[hull.mesh.faces[:, i]] for i in range(3))
+    # the signed volume of the tetrahedra over the origin is the hull's volume only if every face is turned right
+    assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6 == pytest.approx(hull.volume_m3)
+    middle = points.mean(axis=0)
+    assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), a - middle) > 0).all()
+
+
+def test_all_points_are_inside(rng: np.random.Generator) -> None:
+    points = rng.normal(size=(200, 3))
+    assert depth_inside(convex_hull(points).planes, points).min() >= -1e-8
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.zeros((0, 3)),
+        np.zeros((3, 3)),
+        np.zeros((10, 3)),
+        np.column_stack((np.random.default_rng(0).normal(size=(20, 2)), np.zeros(20))),
+        np.full((8, 3), np.nan),
+    ],
+    ids=["empty", "three", "one point", "plane", "nan"],
+)
+def test_no_volume_no_hull(points: np.ndarray) -> None:
+    with pytest.raises(ValueError, match=f"no convex hull: {len(points)} points"):
+        convex_hull(points)
+
+
+def distance_to_triangles(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Distance to the nearest of many triangles (T, 3, 3), by a fine grid of points on each: brute force."""
+    steps = np.linspace(0, 1, 60)
+    u, v = (g.ravel() for g in np.meshgrid(steps, steps))
+    u, v = u[u + v <= 1], v[u + v <= 1]
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    grid = a[:, None] + u[None, :, None] * (b - a)[:, None] + v[None, :, None] * (c - a)[:, None]
+    return np.array([np.linalg.norm(grid - p, axis=-1).min() for p in points])
+
+
+def test_depth_against_brute_force(rng: np.random.Generator) -> None:
+    hull = convex_hull(rng.normal(size=(12, 3)))
+    points = rng.normal(size=(300, 3)) * 0.8
+    depth = depth_inside(hull.planes, points)
+    distance = distance_to_triangles(points, hull.mesh.vertices[hull.mesh.faces])
+    inside = depth > 0
+    assert inside.sum() > 30
+    assert (~inside).sum() > 30
+    np.testing.assert_allclose(depth[inside], distance[inside], atol=0.02)
+    assert (-depth[~inside] <= distance[~inside] + 1e-9).all(), "outside, it must not say more than the distance"
+
+
+def test_depth_of_a_cube() -> None:
+    planes = convex_hull(CUBE).planes
+    points = np.array([[0, 0, 0], [0.75, 0, 0], [1, 0, 0], [3, 0, 0], [0, -4, 0.5]])
+    np.testing.assert_allclose(depth_inside(planes, points), [1, 0.25, 0, -2, -3], atol=1e-12)
+
+
+def test_depth_of_a_batch_in_any_array_library(rng: np.random.Generator) -> None:
+    planes = np.stack([convex_hull(CUBE * s).planes for s in (1.0, 2.0, 0.5)])
+    points = rng.normal(size=(3, 11, 3))
+    together = depth_inside(planes, points)
+    assert together.shape == (3, 11)
+    for i in range(3):
+        np.testing.assert_array_equal(together[i], depth_inside(planes[i], points[i]))
+    strict = depth_inside(array_api_strict.asarray(planes), array_api_strict.asarray(points))
+    np.testing.assert_allclose(np.asarray(strict), together)

@@ -5,7 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
-from artiskill.geometry.meshes import box, sphere
+from artiskill.geometry.primitives import box, sphere
 from artiskill.geometry.surfaces import make_surface, point_triangle_distance
 
 TRIANGLE = np.array(((0.0, 0, 0), (1, 0, 0), (0, 1, 0)))

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from artiskill.assets.articulated_object import Material, VisualMesh
-from artiskill.geometry.meshes import TriMesh, box, capsule, cylinder, sphere, tube
+from artiskill.geometry.meshes import TriMesh
+from artiskill.geometry.primitives import box, capsule, cylinder, sphere, tube
 from artiskill.geometry.rotations import quat_from_rpy, transform_points
 from artiskill.sensors.camera import Camera
 from artiskill.sensors.triangle_soup import BodyVisual

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from artiskill.geometry.meshes import TriMesh, box, capsule, cylinder, merge, sphere, tube
+from artiskill.geometry.meshes import TriMesh, merge
+from artiskill.geometry.primitives import box, capsule, cylinder, sphere, tube
 from artiskill.sensors.normals import corner_normals, face_normals, is_closed
 
 

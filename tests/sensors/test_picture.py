@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from artiskill.assets.articulated_object import ROOM_WALL
-from artiskill.geometry.meshes import box
+from artiskill.geometry.primitives import box
 from artiskill.sensors.camera import Camera
 from artiskill.sensors.render_config import load_render_config
 from artiskill.sensors.renderer import Renderer

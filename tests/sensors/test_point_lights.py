@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from artiskill.errors import ConfigError
-from artiskill.geometry.meshes import sphere
+from artiskill.geometry.primitives import sphere
 from artiskill.sensors.camera import Camera
 from artiskill.sensors.lighting import lights
 from artiskill.sensors.point_lights import point_irradiance

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from artiskill.errors import ConfigError, StateError, UnknownNameError
-from artiskill.geometry.meshes import TriMesh, box, sphere
+from artiskill.geometry.meshes import TriMesh
+from artiskill.geometry.primitives import box, sphere
 from artiskill.sensors.backdrop import FLOOR, NOTHING
 from artiskill.sensors.camera import Camera
 from artiskill.sensors.render_config import load_render_config

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from artiskill.errors import AssetError
-from artiskill.geometry.meshes import TriMesh, box, sphere
+from artiskill.geometry.meshes import TriMesh
+from artiskill.geometry.primitives import box, sphere
 from artiskill.sensors.triangle_soup import build_triangle_soup
 
 

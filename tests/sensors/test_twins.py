@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from artiskill.geometry.meshes import TriMesh, box
+from artiskill.geometry.meshes import TriMesh
+from artiskill.geometry.primitives import box
 from artiskill.sensors.camera import Camera
 from artiskill.sensors.render_config import load_render_config
 from artiskill.sensors.renderer import Renderer

@@ -151,7 +151,7 @@ class Handle:
         link: name of the link that carries it.
         kind: `bar`, `knob`, `edge`, ...
         points: (N, 3) samples of its surface.
-        planes: (P, 4) of its convex hull, as in `geometry.hulls.ConvexHull`.
+        planes: (P, 4) of its convex hull, as in `geometry.meshes.ConvexHull`.
         grasp_positions: (G, 3) tool-centre points (between the finger pads) of its grasp poses; the first is the
             best.
         grasp_quaternions: (G, 4) hand orientations: the hand's z axis points from the wrist to the handle, the

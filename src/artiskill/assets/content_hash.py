@@ -12,7 +12,7 @@ def content_hash(*values: Any) -> str:
     """Hex digest, 16 characters, of values made of dataclasses, mappings, sequences, arrays and plain values.
 
     Floats are rounded to nine digits (a nanometre, a nanoradian), as the last bits of sines differ between C
-    libraries. At the edge of a rounding that does not help: processors must give the same bits (`geometry.exact`).
+    libraries. At the edge of a rounding that does not help: processors must give the same bits (`arrays`).
     """
     digest = hashlib.sha256()
     for value in values:

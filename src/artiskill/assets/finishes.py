@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from artiskill.assets.articulated_object import Material
-from artiskill.geometry.exact import power
+from artiskill.geometry.arrays import power
 
 # A grain texture covers this square of wood, so that no panel of a cabinet needs it to repeat.
 GRAIN_TILE_M = 1.28

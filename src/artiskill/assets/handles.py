@@ -6,10 +6,8 @@ import numpy as np
 
 from artiskill.assets.articulated_object import Handle
 from artiskill.errors import AssetError
-from artiskill.geometry.arrays import norm
-from artiskill.geometry.exact import arctan2, matmul
-from artiskill.geometry.hulls import convex_hull
-from artiskill.geometry.meshes import TriMesh, sample_surface
+from artiskill.geometry.arrays import arctan2, matmul, norm
+from artiskill.geometry.meshes import TriMesh, convex_hull, sample_surface
 from artiskill.geometry.rotations import quat_from_axis_angle, quat_from_matrix, quat_multiply
 
 POINTS_PER_HANDLE = 100

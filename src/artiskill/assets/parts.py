@@ -6,7 +6,8 @@ from numpy.typing import ArrayLike
 from artiskill.assets.articulated_object import CollisionShape, Material, VisualMesh
 from artiskill.assets.finishes import GRAIN_TILE_M
 from artiskill.geometry.arrays import norm
-from artiskill.geometry.meshes import TriMesh, box, merge, sample_surface
+from artiskill.geometry.meshes import TriMesh, merge, sample_surface
+from artiskill.geometry.primitives import box
 
 IDENTITY = np.array((1.0, 0.0, 0.0, 0.0))
 BEVEL_M = 0.0012

@@ -15,7 +15,7 @@ import numpy as np
 from artiskill.assets.articulated_object import ArticulatedObject, Category
 from artiskill.assets.kinematics import joint_values, link_poses
 from artiskill.config import check_positive
-from artiskill.geometry.exact import total
+from artiskill.geometry.arrays import total
 from artiskill.geometry.meshes import TriMesh, merge
 from artiskill.geometry.surfaces import Surface, make_surface
 

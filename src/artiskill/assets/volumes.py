@@ -6,8 +6,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from artiskill.assets.articulated_object import CollisionShape
-from artiskill.geometry.exact import total
-from artiskill.geometry.hulls import convex_hull
+from artiskill.geometry.arrays import total
+from artiskill.geometry.meshes import convex_hull
 from artiskill.geometry.rotations import quat_rotate
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from artiskill.assets.articulated_object import ArticulatedObject, Handle
 from artiskill.checks.config import GripConfig
 from artiskill.checks.gripper import FINGERS, GripperProbe, Touch
-from artiskill.geometry.hulls import depth_inside
+from artiskill.geometry.meshes import depth_inside
 from artiskill.geometry.rotations import (
     quat_conjugate,
     quat_from_matrix,

@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from artiskill.assets.articulated_object import CollisionShape
-from artiskill.geometry.hulls import ConvexHull, convex_hull, depth_inside
-from artiskill.geometry.meshes import TriMesh, box, capsule, cylinder, merge, sphere
+from artiskill.geometry.meshes import ConvexHull, TriMesh, convex_hull, depth_inside, merge
+from artiskill.geometry.primitives import box, capsule, cylinder, sphere
 from artiskill.geometry.rotations import quat_conjugate, transform_points
 from artiskill.geometry.surfaces import make_surface, point_triangle_distance
 

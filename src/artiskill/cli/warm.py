@@ -20,8 +20,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     from artiskill.cli.progress import Progress
     from artiskill.envs.warm import first_uses
-    from artiskill.geometry.compile_notice import do_not_announce
-    from artiskill.geometry.kernel_cache import kernel_folder
+    from artiskill.geometry.kernel_cache import do_not_announce, kernel_folder
 
     do_not_announce()
     start = time.process_time()

@@ -16,7 +16,7 @@ from artiskill.envs.observation import Instant
 from artiskill.envs.rendering import Viewpoint
 from artiskill.evaluation.scene_pictures import PictureStyle, ScenePainter
 from artiskill.evaluation.video import caption, caption_share
-from artiskill.geometry.hulls import convex_hull
+from artiskill.geometry.meshes import convex_hull
 from artiskill.geometry.rotations import transform_points
 from artiskill.scene.scene import Scene
 from artiskill.sensors.camera import Camera

@@ -14,7 +14,7 @@ from artiskill.assets.articulated_object import ArticulatedObject, CollisionShap
 from artiskill.exports.engine_values import EngineValues, Inertial, ShapeContact, engine_values
 from artiskill.exports.obj_files import SurfaceFile, distinct_materials, obj_text, surface_files, write_surfaces
 from artiskill.exports.xml_text import add, numbers, write_xml
-from artiskill.geometry.hulls import convex_hull
+from artiskill.geometry.meshes import convex_hull
 from artiskill.scene.object_model import FREE_CATEGORIES
 from artiskill.scene.options import Group
 from artiskill.scene.physics import PhysicsConfig

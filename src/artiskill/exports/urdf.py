@@ -17,7 +17,7 @@ from artiskill.assets.handles import is_handle_part
 from artiskill.exports.engine_values import Inertial, engine_values
 from artiskill.exports.obj_files import SurfaceFile, obj_text, surface_files, write_surfaces
 from artiskill.exports.xml_text import add, numbers, write_xml
-from artiskill.geometry.hulls import convex_hull
+from artiskill.geometry.meshes import convex_hull
 from artiskill.geometry.rotations import quat_rotate, quat_to_matrix
 from artiskill.scene.physics import PhysicsConfig
 

@@ -1,9 +1,9 @@
-"""Where compiled kernels are kept.
+"""Where compiled kernels are kept, and the line on standard error that says that they are being compiled.
 
-A folder holds the code of one state of the sources: its name is a digest of all kernels and of who compiled
-them, so that nothing in it is ever out of date, whichever file was changed. (Numba itself looks at the file of the
-called kernel only.) Files are replaced whole, and of several processes that need the same kernel one compiles it;
-the others wait and load.
+A folder holds the code of one state of the sources: its name is a digest of all kernels and of the versions that
+compile them, so that nothing in it is ever out of date, whichever file was changed. (Numba itself looks only at
+the file of the called kernel.) Files are replaced whole, and of several processes that need the same kernel one
+compiles it; the others wait and load.
 """
 
 import contextlib
@@ -14,7 +14,9 @@ import hashlib
 import os
 import platform
 import shutil
+import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -26,8 +28,6 @@ import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.compiler_lock import global_compiler_lock
 
-from artiskill.geometry.compile_notice import announced
-
 _PACKAGE = Path(__file__).parents[1]
 # what a source of compiled code contains
 _MARKERS = (b"@kernel", b"@inlined_kernel", b"@intrinsic", b"_SubroutineLowering")
@@ -37,52 +37,15 @@ _OTHERS_KEPT = 7
 _LONGEST_WAIT_S = 180.0
 _POLL_S = 0.05
 
-
-def sources_digest(package: Path) -> str:
-    """Return a digest of all sources of compiled code and of the versions that compile them."""
-    who = platform.python_implementation(), platform.python_version(), numba.__version__, llvmlite.__version__
-    digest = hashlib.sha256(repr(who).encode())
-    for path in sorted(package.rglob("*.py")):
-        text = path.read_bytes()
-        if any(marker in text for marker in _MARKERS):
-            digest.update(str(path.relative_to(package)).encode() + b"\0" + text)
-    return digest.hexdigest()[:16]
-
-
-@functools.cache
-def kernel_folder() -> Path | None:
-    """Return the folder of compiled kernels, made if need be; None where nothing can be written.
-
-    It lies in the first that can be written to of `$NUMBA_CACHE_DIR`, `$XDG_CACHE_HOME/artiskill` or
-    `~/.cache/artiskill`, and the package's own `__pycache__`.
-    """
-    digest = sources_digest(_PACKAGE)
-    for root in _roots():
-        folder = root / "kernels" / digest
-        with contextlib.suppress(OSError):
-            if not folder.is_dir():
-                folder.mkdir(parents=True, exist_ok=True)
-                _forget_oldest(folder)
-            tempfile.TemporaryFile(dir=folder).close()
-            os.utime(folder)
-            return folder
-    return None
-
-
-def _roots() -> Iterator[Path]:
-    if numba.config.CACHE_DIR:
-        yield Path(numba.config.CACHE_DIR)
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    yield Path(home) / "artiskill"
-    yield _PACKAGE / "__pycache__"
-
-
-def _forget_oldest(newest: Path) -> None:
-    """Delete the folders beside this one that were not used for longest."""
-    others = [path for path in newest.parent.iterdir() if path.is_dir() and path != newest]
-    others.sort(key=lambda path: path.stat().st_mtime, reverse=True)
-    for path in others[_OTHERS_KEPT:]:
-        shutil.rmtree(path, ignore_errors=True)
+# from one look at how far a compilation is to the next; what takes less than the second figure gets no line
+CHECK_EVERY_S, SHORT_S = 1.0, 4.0
+# of the time that the functions take: what it takes besides to optimise all of them together
+_LAST_STEP = 1.3
+# done before an estimate makes sense
+_LEAST_SHARE = 0.1
+# names this process and all that it starts, which find it there: the line is printed once for all of them
+_TREE = os.environ.setdefault("ARTISKILL_PROCESS_TREE", f"{os.getpid()}-{time.time_ns():x}")
+_announced = False
 
 
 def keep_compiled(kernel: Any) -> None:
@@ -111,6 +74,49 @@ def keep_compiled(kernel: Any) -> None:
     kernel.compile = compile_once
 
 
+@functools.cache
+def kernel_folder() -> Path | None:
+    """Return the folder of compiled kernels, made if need be; None where nothing can be written.
+
+    It lies in the first that can be written to of `$NUMBA_CACHE_DIR`, `$XDG_CACHE_HOME/artiskill` or
+    `~/.cache/artiskill`, and the package's own `__pycache__`.
+    """
+    digest = sources_digest(_PACKAGE)
+    home = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))
+    roots = [home / "artiskill", _PACKAGE / "__pycache__"]
+    if numba.config.CACHE_DIR:
+        roots.insert(0, Path(numba.config.CACHE_DIR))
+    for root in roots:
+        folder = root / "kernels" / digest
+        with contextlib.suppress(OSError):
+            if not folder.is_dir():
+                folder.mkdir(parents=True, exist_ok=True)
+                _delete_oldest(folder)
+            tempfile.TemporaryFile(dir=folder).close()
+            os.utime(folder)
+            return folder
+    return None
+
+
+def sources_digest(package: Path) -> str:
+    """Return a digest of all sources of compiled code and of the versions that compile them."""
+    versions = platform.python_implementation(), platform.python_version(), numba.__version__, llvmlite.__version__
+    digest = hashlib.sha256(repr(versions).encode())
+    for path in sorted(package.rglob("*.py")):
+        text = path.read_bytes()
+        if any(marker in text for marker in _MARKERS):
+            digest.update(str(path.relative_to(package)).encode() + b"\0" + text)
+    return digest.hexdigest()[:16]
+
+
+def _delete_oldest(newest: Path) -> None:
+    """Delete the folders beside this one that were not used for longest."""
+    others = [path for path in newest.parent.iterdir() if path.is_dir() and path != newest]
+    others.sort(key=lambda path: path.stat().st_mtime, reverse=True)
+    for path in others[_OTHERS_KEPT:]:
+        shutil.rmtree(path, ignore_errors=True)
+
+
 class _Locator:
     """Where the code of one function is kept, in Numba's terms."""
 
@@ -134,14 +140,14 @@ class _Locator:
         return self._place
 
 
-class _Reduction(CompileResultCacheImpl):
+class _CacheFiles(CompileResultCacheImpl):
     _locator_classes = (_Locator,)
 
 
 class _KernelCache(FunctionCache):
     """Numba's cache of one function, for several processes at a time and for damaged files and full disks."""
 
-    _impl_class = _Reduction
+    _impl_class = _CacheFiles
     when_missing: Callable[[], object] = staticmethod(lambda: None)
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
@@ -153,7 +159,7 @@ class _KernelCache(FunctionCache):
         return found
 
     def save_overload(self, signature: Any, data: Any) -> None:
-        """Keep it if there is room; it works without."""
+        """Keep it if there is space; it works without."""
         with contextlib.suppress(OSError):
             try:
                 super().save_overload(signature, data)
@@ -174,7 +180,7 @@ def _compiling(kernel: Any, folder: Path | None) -> Iterator[None]:
     collecting = gc.isenabled()
     gc.disable()  # a compiler makes little garbage and much that is looked through in vain: a tenth of the time
     try:
-        with announced(kernel, folder), _locked(folder, kernel.py_func):
+        with _announced_if_long(kernel, folder), _locked(folder, kernel.py_func):
             yield
     finally:
         if collecting:
@@ -206,3 +212,76 @@ def _wait_for(handle: int) -> None:
             return
         except BlockingIOError:
             time.sleep(_POLL_S)
+
+
+@contextmanager
+def _announced_if_long(kernel: Any, folder: Path | None) -> Iterator[None]:
+    """Print a line on standard error if the body, which compiles a kernel, will take long.
+
+    Once for this process and all that it starts, whose compilers wait for one another.
+    """
+    functions = _functions_within(kernel)
+    start, before = time.perf_counter(), _count_compiled(functions)
+    done = threading.Event()
+
+    def watch() -> None:
+        while not done.wait(CHECK_EVERY_S):
+            elapsed = time.perf_counter() - start
+            share = max((_count_compiled(functions) - before) / max(len(functions) - before, 1), _LEAST_SHARE)
+            seconds = _LAST_STEP * elapsed / share
+            if seconds > SHORT_S and (share > _LEAST_SHARE or elapsed > SHORT_S):
+                _announce_once(seconds, folder)
+                return
+
+    threading.Thread(target=watch, daemon=True).start()
+    try:
+        yield
+    finally:
+        done.set()
+
+
+def do_not_announce() -> None:
+    """Print no line in this process, which says by itself what it is doing."""
+    global _announced
+    _announced = True
+
+
+def _announce_once(seconds: float, folder: Path | None) -> None:
+    global _announced
+    if _announced or (folder is not None and not _is_first(folder)):
+        return
+    _announced = True
+    kept = "again each time: no cache can be written" if folder is None else f"once: kept in {folder}"
+    line = f"artiskill: compiling kernels for this processor, about {seconds:.0f} s ({kept}"
+    sys.stderr.write(f"{line}; `artiskill warm` does it ahead)\n")
+    sys.stderr.flush()
+
+
+def _is_first(folder: Path) -> bool:
+    """Return whether no other process of the tree has announced it: the first one makes the tree's file."""
+    tree = hashlib.sha256(_TREE.encode()).hexdigest()[:16]
+    try:
+        (folder / f"announced-{tree}").open("x").close()
+    except FileExistsError:
+        return False
+    except OSError:  # better twice than never
+        pass
+    return True
+
+
+def _functions_within(kernel: Any) -> list[Any]:
+    """List all kernels that become part of this one, itself too."""
+    found: dict[int, Any] = {id(kernel): kernel}
+    pending = [kernel]
+    while pending:
+        function = pending.pop().py_func
+        for name in function.__code__.co_names:
+            called = function.__globals__.get(name)
+            if hasattr(called, "within") and id(called) not in found:
+                found[id(called)] = called
+                pending.append(called)
+    return list(found.values())
+
+
+def _count_compiled(functions: list[Any]) -> int:
+    return len([function for function in functions if function.within.overloads])

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from artiskill.geometry.arrays import Array, namespace, norm
-from artiskill.geometry.exact import arcsin, arctan2
+from artiskill.geometry.arrays import Array, arcsin, arctan2, namespace, norm
 
 
 def quat_multiply(a: Array, b: Array) -> Array:

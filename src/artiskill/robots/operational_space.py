@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from artiskill.geometry.exact import matmul
+from artiskill.geometry.arrays import matmul
 from artiskill.geometry.kernel import kernel
 from artiskill.robots.arm_config import load_arm
 from artiskill.robots.config import RobotConfig

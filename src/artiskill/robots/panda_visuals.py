@@ -9,7 +9,8 @@ import math
 import numpy as np
 
 from artiskill.assets.articulated_object import VisualMesh
-from artiskill.geometry.meshes import TriMesh, box, lathe, superellipse_loft
+from artiskill.geometry.meshes import TriMesh
+from artiskill.geometry.primitives import box, lathe, superellipse_loft
 from artiskill.geometry.rotations import quat_from_axis_angle
 from artiskill.robots.visual_materials import BLACK, GREY, JOINT, WHITE, drawn, drum
 

@@ -3,15 +3,8 @@
 import math
 
 from artiskill.assets.articulated_object import VisualMesh
-from artiskill.geometry.meshes import (
-    TriMesh,
-    box,
-    extrude,
-    lathe,
-    rounded_box,
-    rounded_rectangle,
-    superellipse_loft,
-)
+from artiskill.geometry.meshes import TriMesh
+from artiskill.geometry.primitives import box, extrude, lathe, rounded_box, rounded_rectangle, superellipse_loft
 from artiskill.geometry.rotations import quat_from_axis_angle
 from artiskill.robots.visual_materials import ACCENT, BLACK, GREY, JOINT, NAVY, WHITE, drawn, drum
 

@@ -1,7 +1,8 @@
 """The robot's finishes, and the one way its drawn parts are put together."""
 
 from artiskill.assets.articulated_object import Material, VisualMesh
-from artiskill.geometry.meshes import TriMesh, extrude, merge, superellipse
+from artiskill.geometry.meshes import TriMesh, merge
+from artiskill.geometry.primitives import extrude, superellipse
 
 # linear values; as displayed (sRGB) the white is 0.93 and the joints' dark grey about 0.2
 WHITE = Material("robot_white", (0.85, 0.85, 0.85, 1.0), shininess=0.5)

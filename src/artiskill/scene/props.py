@@ -6,7 +6,8 @@ from typing import Any, Literal
 import numpy as np
 
 from artiskill.assets.articulated_object import Material, VisualMesh
-from artiskill.geometry.meshes import TriMesh, box, cylinder, sphere
+from artiskill.geometry.meshes import TriMesh
+from artiskill.geometry.primitives import box, cylinder, sphere
 from artiskill.robots.shapes import add_shape
 from artiskill.scene.options import Group, set_contact
 from artiskill.scene.physics import PhysicsConfig

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from artiskill.geometry.arrays import dot
-from artiskill.geometry.exact import arccos
+from artiskill.geometry.arrays import arccos, dot
 from artiskill.geometry.meshes import TriMesh
 
 

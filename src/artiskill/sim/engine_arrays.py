@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from artiskill.geometry.exact import rotate
+from artiskill.geometry.arrays import rotate
 from artiskill.scene.scene import Scene
 from artiskill.sim.snapshot import Snapshot
 

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from artiskill.geometry.arrays import norm
-from artiskill.geometry.exact import rotate
+from artiskill.geometry.arrays import norm, rotate
 from artiskill.geometry.rotations import quat_to_matrix
 from artiskill.scene.scene import Scene
 from artiskill.sim.snapshot import Snapshot

@@ -7,8 +7,7 @@ one step ago are part of it, so that asking twice answers the same.
 from dataclasses import dataclass, fields
 from functools import cached_property
 
-from artiskill.geometry.arrays import Array, clip, dot, namespace, norm
-from artiskill.geometry.exact import arccos
+from artiskill.geometry.arrays import Array, arccos, clip, dot, namespace, norm
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,8 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from artiskill.config import check
-from artiskill.geometry.arrays import Array, amin, clip, namespace
-from artiskill.geometry.exact import total
+from artiskill.geometry.arrays import Array, amin, clip, namespace, total
 from artiskill.geometry.kernel import kernel
 
 # A stage's best state comes this near to the next stage's worst, relative to the step: never equal, never a jump.

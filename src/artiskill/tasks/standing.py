@@ -6,8 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from artiskill.config import check_not_negative, check_positive
-from artiskill.geometry.arrays import Array, clip, dot, namespace, norm
-from artiskill.geometry.exact import arccos
+from artiskill.geometry.arrays import Array, arccos, clip, dot, namespace, norm
 from artiskill.scene.scene import Scene
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.fields import (

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.geometry.arrays import Array, amin, dot, namespace
-from artiskill.geometry.exact import rotate, total
+from artiskill.geometry.arrays import Array, amin, dot, namespace, rotate, total
 from artiskill.geometry.kernel import kernel
 from artiskill.geometry.meshes import sample_surface, triangle_areas
 from artiskill.sim.snapshot import Snapshot

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, Category
-from artiskill.geometry.arrays import Array
-from artiskill.geometry.exact import total
+from artiskill.geometry.arrays import Array, total
 from artiskill.robots.config import RobotConfig
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.props import Prop

@@ -13,7 +13,8 @@ from PIL import Image
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.partnet import import_partnet
-from artiskill.geometry.meshes import TriMesh, box, merge
+from artiskill.geometry.meshes import TriMesh, merge
+from artiskill.geometry.primitives import box
 
 ROOT = Path(__file__).resolve().parents[3]
 

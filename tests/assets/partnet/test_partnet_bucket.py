@@ -12,8 +12,8 @@ from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.partnet import import_partnet
 from artiskill.assets.partnet.overlaps import shape_hull
 from artiskill.errors import AssetError
-from artiskill.geometry.hulls import depth_inside
-from artiskill.geometry.meshes import TriMesh, box, lathe, merge, tube
+from artiskill.geometry.meshes import TriMesh, depth_inside, merge
+from artiskill.geometry.primitives import box, lathe, tube
 from artiskill.scene.object_model import add_object
 from artiskill.scene.options import Group, set_contact, set_options
 from artiskill.scene.physics import PhysicsConfig

@@ -11,7 +11,8 @@ import pytest
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.partnet import import_partnet
 from artiskill.assets.partnet.wheels import TREAD_HALF_WIDTH_M
-from artiskill.geometry.meshes import TriMesh, box, cylinder, sphere
+from artiskill.geometry.meshes import TriMesh
+from artiskill.geometry.primitives import box, cylinder, sphere
 from artiskill.scene.object_model import add_object
 from artiskill.scene.options import Group, set_contact, set_options
 from artiskill.scene.physics import PhysicsConfig

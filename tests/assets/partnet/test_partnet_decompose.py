@@ -17,8 +17,8 @@ from artiskill.assets.partnet.meshes import (
     thick_hull,
     weld,
 )
-from artiskill.geometry.hulls import convex_hull
-from artiskill.geometry.meshes import TriMesh, box, cylinder, merge, sample_surface, sphere, tube
+from artiskill.geometry.meshes import TriMesh, convex_hull, merge, sample_surface
+from artiskill.geometry.primitives import box, cylinder, sphere, tube
 
 
 def arch() -> TriMesh:

@@ -30,8 +30,8 @@ from artiskill.assets.partnet.progress import ProgressLines
 from artiskill.assets.partnet.simplify import collapse, lighten
 from artiskill.assets.partnet.slicing import bisect_hulls, hull_distance
 from artiskill.errors import AssetError
-from artiskill.geometry.hulls import convex_hull, depth_inside
-from artiskill.geometry.meshes import TriMesh, box, merge, sample_surface, tube
+from artiskill.geometry.meshes import TriMesh, convex_hull, depth_inside, merge, sample_surface
+from artiskill.geometry.primitives import box, tube
 from artiskill.geometry.surfaces import point_triangle_distance
 
 TOLERANCE_M = 0.006  # of the body's tolerance of 4 mm: a decomposition is judged by all of its hulls together

@@ -12,7 +12,7 @@ from artiskill.assets.partnet.importer import default_scale
 from artiskill.assets.partnet.overlaps import shape_hull
 from artiskill.errors import AssetError, MissingExtraError
 from artiskill.gallery.facts import object_mass_kg
-from artiskill.geometry.hulls import depth_inside
+from artiskill.geometry.meshes import depth_inside
 from artiskill.geometry.rotations import quat_rotate
 
 SCALE = 0.5

@@ -17,8 +17,8 @@ from artiskill.checks.config import default_checks_config
 from artiskill.checks.handles import check_handles
 from artiskill.checks.penetration import check_penetration
 from artiskill.checks.specimen import Specimen
-from artiskill.geometry.hulls import convex_hull
-from artiskill.geometry.meshes import TriMesh, box, merge
+from artiskill.geometry.meshes import TriMesh, convex_hull, merge
+from artiskill.geometry.primitives import box
 from artiskill.robots.arm_config import load_arm
 from artiskill.robots.config import load_robot
 

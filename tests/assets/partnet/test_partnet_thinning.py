@@ -8,7 +8,8 @@ from artiskill.assets.articulated_object import Link, Material, VisualMesh
 from artiskill.assets.partnet.meshes import distance_to_surface
 from artiskill.assets.partnet.simplify import cluster
 from artiskill.assets.partnet.thinning import MOST_TRIANGLES, share_out, thin_out
-from artiskill.geometry.meshes import TriMesh, box, sample_surface, sphere
+from artiskill.geometry.meshes import TriMesh, sample_surface
+from artiskill.geometry.primitives import box, sphere
 from artiskill.sensors.twins import have_opposite_twins
 
 

@@ -11,8 +11,8 @@ from artiskill.assets.buckets.rods import rod, slab, turn_to
 from artiskill.assets.buckets.spec import Bail, BucketSpec
 from artiskill.assets.handles import handle_from_mesh
 from artiskill.assets.parts import LinkParts
-from artiskill.geometry.meshes import TriMesh, cylinder, lathe, superellipse, tube
-from artiskill.geometry.shells import path_sweep
+from artiskill.geometry.meshes import TriMesh
+from artiskill.geometry.primitives import cylinder, lathe, path_sweep, superellipse, tube
 
 _UP = np.array((0.0, 0.0, 1.0))
 _BEND_CHORDS = 8  # as drawn

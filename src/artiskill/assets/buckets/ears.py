@@ -11,9 +11,8 @@ from artiskill.assets.buckets.spec import BucketSpec
 from artiskill.assets.buckets.surface import half_width, side_y
 from artiskill.assets.handles import handle_from_mesh
 from artiskill.assets.parts import IDENTITY, LinkParts
-from artiskill.geometry.hulls import convex_hull
-from artiskill.geometry.meshes import TriMesh, cylinder, tube
-from artiskill.geometry.shells import path_sweep
+from artiskill.geometry.meshes import TriMesh, convex_hull
+from artiskill.geometry.primitives import cylinder, path_sweep, tube
 
 _ROUND = np.stack([f(np.arange(16) * np.pi / 8) for f in (np.cos, np.sin)], axis=-1)
 _TAB_FOOT_M = 0.038  # how far a tab reaches below the lip

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from artiskill.assets.buckets.spec import Profile
-from artiskill.geometry.exact import power
+from artiskill.geometry.arrays import power
 
 _CURVE_KNOTS = 9
 _EDGE_M = 0.004  # the rounding between wall and floor

@@ -8,8 +8,7 @@ from functools import cache
 import numpy as np
 
 from artiskill.assets.buckets.spec import Section
-from artiskill.geometry.arrays import dot
-from artiskill.geometry.exact import matmul
+from artiskill.geometry.arrays import dot, matmul
 
 ROUND_POINTS = 40
 ROUND_WALLS = 12

@@ -4,7 +4,7 @@ import numpy as np
 
 from artiskill.assets.buckets.section import gauge
 from artiskill.assets.buckets.spec import Lip, Profile, Section
-from artiskill.geometry.exact import arctan2, exp
+from artiskill.geometry.arrays import arctan2, exp
 
 # A spout is drawn out of the front of the rim over about this angle and this part of the height.
 _SPOUT_ANGLE_RAD = 0.30

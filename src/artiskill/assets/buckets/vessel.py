@@ -8,10 +8,9 @@ from artiskill.assets.buckets.section import outline
 from artiskill.assets.buckets.spec import BucketSpec
 from artiskill.assets.buckets.surface import SPOUT_DEPTH, half_width, spout_bulge
 from artiskill.assets.parts import LinkParts, panel_mesh
-from artiskill.geometry.arrays import norm
-from artiskill.geometry.exact import arctan2
-from artiskill.geometry.meshes import TriMesh, loft
-from artiskill.geometry.shells import ring_sweep
+from artiskill.geometry.arrays import arctan2, norm
+from artiskill.geometry.meshes import TriMesh
+from artiskill.geometry.primitives import loft, ring_sweep
 
 _BEAD_POINTS = 8
 _SPOUT_LEVELS = 5

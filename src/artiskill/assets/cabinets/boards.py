@@ -7,7 +7,7 @@ from artiskill.assets.articulated_object import CollisionShape, Material
 from artiskill.assets.finishes import GRAIN_TILE_M
 from artiskill.assets.parts import IDENTITY, LinkParts, panel_mesh
 from artiskill.geometry.meshes import TriMesh
-from artiskill.geometry.strips import upright_prism
+from artiskill.geometry.primitives import upright_prism
 
 
 class Boards(LinkParts):

@@ -20,7 +20,7 @@ from artiskill.assets.finishes import make_material
 from artiskill.assets.handles import handle_from_mesh
 from artiskill.assets.parts import IDENTITY
 from artiskill.assets.volumes import first_moment_m4
-from artiskill.geometry.meshes import box
+from artiskill.geometry.primitives import box
 
 _GRAVITY_M_S2 = 9.81
 _MASONRY_KG_M3 = 1800.0  # of walls

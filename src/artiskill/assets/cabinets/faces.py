@@ -9,8 +9,8 @@ from artiskill.assets.articulated_object import Material
 from artiskill.assets.cabinets.boards import Boards
 from artiskill.assets.cabinets.spec import CabinetSpec, Cell, Rect
 from artiskill.geometry.meshes import TriMesh
+from artiskill.geometry.primitives import frustum
 from artiskill.geometry.rotations import quat_from_axis_angle
-from artiskill.geometry.strips import frustum
 
 _FIELD_M = 0.006  # thickness of a field, of a pane
 _RAISED_EDGE_M = 0.034  # width of a raised field's slope

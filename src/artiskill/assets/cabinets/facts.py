@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from artiskill.assets.articulated_object import Handle, Link
 from artiskill.assets.cabinets.spec import CabinetSpec
 from artiskill.assets.volumes import shapes_volume_m3
-from artiskill.geometry.exact import total
+from artiskill.geometry.arrays import total
 
 
 def cabinet_facts(spec: CabinetSpec, links: Sequence[Link], handles: Sequence[Handle]) -> dict[str, object]:

@@ -5,7 +5,7 @@ import numpy as np
 from artiskill.assets.articulated_object import Material
 from artiskill.assets.cabinets.boards import Boards
 from artiskill.assets.cabinets.spec import CabinetSpec, Cell, Side
-from artiskill.geometry.meshes import box, cylinder
+from artiskill.geometry.primitives import box, cylinder
 from artiskill.geometry.rotations import quat_from_axis_angle
 
 _HALF_M = 0.024  # of a barrel's length

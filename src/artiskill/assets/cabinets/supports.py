@@ -9,7 +9,7 @@ from artiskill.assets.cabinets.boards import Boards
 from artiskill.assets.cabinets.materials import Materials
 from artiskill.assets.cabinets.spec import CabinetSpec
 from artiskill.assets.parts import IDENTITY
-from artiskill.geometry.meshes import cylinder, lathe, loft
+from artiskill.geometry.primitives import cylinder, lathe, loft
 from artiskill.geometry.rotations import quat_from_axis_angle
 
 _SEGMENTS = 14

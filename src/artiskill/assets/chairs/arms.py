@@ -9,7 +9,7 @@ from artiskill.assets.chairs.beams import Beam, Tube
 from artiskill.assets.chairs.pen import Pen
 from artiskill.assets.chairs.spec import ChairSpec
 from artiskill.assets.parts import IDENTITY
-from artiskill.geometry.meshes import rounded_box
+from artiskill.geometry.primitives import rounded_box
 
 _X, _Y, _Z = np.eye(3)
 _BRACKET_M = 0.009

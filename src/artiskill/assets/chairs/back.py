@@ -10,8 +10,9 @@ from artiskill.assets.chairs.frames import rail_path
 from artiskill.assets.chairs.pads import Pad, even_outline, placed, rolled_mesh, strips
 from artiskill.assets.chairs.pen import Pen
 from artiskill.assets.chairs.spec import ChairSpec
-from artiskill.geometry.exact import exp, matmul
-from artiskill.geometry.meshes import TriMesh, cylinder
+from artiskill.geometry.arrays import exp, matmul
+from artiskill.geometry.meshes import TriMesh
+from artiskill.geometry.primitives import cylinder
 from artiskill.geometry.rotations import quat_from_axis_angle
 
 _Y = (0.0, 1.0, 0.0)

@@ -13,7 +13,7 @@ from artiskill.assets.chairs.pads import hull_shape
 from artiskill.assets.chairs.pen import Pen
 from artiskill.assets.chairs.spec import ChairSpec
 from artiskill.assets.parts import IDENTITY, standing_disc
-from artiskill.geometry.meshes import lathe
+from artiskill.geometry.primitives import lathe
 
 _NOSE_M = 0.007  # rounded end of a leg
 TIP_M = 0.018  # how far a leg reaches beyond its caster's stem

@@ -7,9 +7,9 @@ import numpy as np
 
 from artiskill.assets.articulated_object import CollisionShape
 from artiskill.assets.chairs.pads import hull_shape
-from artiskill.geometry.arrays import dot, norm
-from artiskill.geometry.exact import matmul
-from artiskill.geometry.meshes import TriMesh, loft, superellipse, tube
+from artiskill.geometry.arrays import dot, matmul, norm
+from artiskill.geometry.meshes import TriMesh
+from artiskill.geometry.primitives import loft, superellipse, tube
 from artiskill.geometry.rotations import quat_from_matrix
 
 _SQUARE = np.array(((-1, -1), (-1, 1), (1, 1), (1, -1)))

@@ -16,7 +16,8 @@ from artiskill.assets.chairs.pads import hull_shape
 from artiskill.assets.chairs.pen import Pen
 from artiskill.assets.chairs.spec import CROWN_GAP_M, CROWN_M, STEM_GAP_M, Casters
 from artiskill.assets.parts import LinkParts
-from artiskill.geometry.meshes import TriMesh, cylinder, lathe
+from artiskill.geometry.meshes import TriMesh
+from artiskill.geometry.primitives import cylinder, lathe
 from artiskill.geometry.rotations import quat_from_axis_angle, quat_multiply, quat_rotate
 
 # Wheels that turn separately lean, as real ones do: each stands on its inner rim, and the pair turns on the spot.

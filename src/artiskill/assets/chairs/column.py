@@ -11,7 +11,7 @@ from artiskill.assets.chairs.beams import Beam, Tube, loop_mesh
 from artiskill.assets.chairs.pen import Pen
 from artiskill.assets.chairs.spec import ChairSpec, Column
 from artiskill.assets.parts import IDENTITY
-from artiskill.geometry.meshes import cylinder, lathe, rounded_box
+from artiskill.geometry.primitives import cylinder, lathe, rounded_box
 
 _GAP_M = 0.001  # between shapes of links that move against one another
 _BEHIND_PIVOT_M = 0.012  # how far the mechanism reaches behind the tilt axis

@@ -8,7 +8,7 @@ from artiskill.assets.chairs.beams import Tube
 from artiskill.assets.chairs.pen import Pen
 from artiskill.assets.chairs.spec import ChairSpec
 from artiskill.assets.parts import IDENTITY
-from artiskill.geometry.meshes import cylinder, rounded_box
+from artiskill.geometry.primitives import cylinder, rounded_box
 
 _TOP_SHARE = 0.62  # half length of a sled's top, relative to that of its runners
 _PLATE_M = (0.09, 0.010)  # half length and thickness of the plate that bears the seat

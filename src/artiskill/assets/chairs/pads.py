@@ -10,10 +10,9 @@ import numpy as np
 
 from artiskill.assets.articulated_object import CollisionShape
 from artiskill.assets.parts import IDENTITY
-from artiskill.geometry.arrays import norm
-from artiskill.geometry.exact import arccos, matmul
-from artiskill.geometry.hulls import convex_hull
-from artiskill.geometry.meshes import TriMesh, loft, superellipse
+from artiskill.geometry.arrays import arccos, matmul, norm
+from artiskill.geometry.meshes import TriMesh, convex_hull
+from artiskill.geometry.primitives import loft, superellipse
 
 Faces = Literal["both", "front", "rear"]
 Bend = Callable[[np.ndarray], np.ndarray]  # (N, 3) points of the flat pad -> where they are

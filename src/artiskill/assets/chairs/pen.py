@@ -9,7 +9,7 @@ from artiskill.assets.chairs.appearance import Skin
 from artiskill.assets.chairs.beams import Beam, Tube
 from artiskill.assets.chairs.pads import Faces, Pad, hull_shape, pad_hulls, pad_mesh
 from artiskill.assets.parts import IDENTITY, LinkParts
-from artiskill.geometry.exact import matmul
+from artiskill.geometry.arrays import matmul
 from artiskill.geometry.meshes import TriMesh
 from artiskill.geometry.rotations import quat_multiply, quat_rotate
 

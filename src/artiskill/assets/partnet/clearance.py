@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from artiskill.assets.articulated_object import Handle
-from artiskill.geometry.hulls import ConvexHull
-from artiskill.geometry.meshes import box
+from artiskill.geometry.meshes import ConvexHull
+from artiskill.geometry.primitives import box
 from artiskill.geometry.rotations import quat_from_axis_angle, quat_multiply, quat_to_matrix
 
 # The hand and one finger, closed, as boxes: middle from the point between the pads (x along the handle, y to that

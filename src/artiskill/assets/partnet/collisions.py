@@ -11,9 +11,8 @@ from artiskill.assets.partnet.decompose import DecompositionConfig, Decompositio
 from artiskill.assets.partnet.drawn import DrawnMesh, group_by_part
 from artiskill.assets.partnet.part_names import HANDLE, WALL, WHEEL
 from artiskill.assets.partnet.wheels import wheel_shape
-from artiskill.geometry.exact import total
-from artiskill.geometry.hulls import convex_hull
-from artiskill.geometry.meshes import TriMesh, merge
+from artiskill.geometry.arrays import total
+from artiskill.geometry.meshes import TriMesh, convex_hull, merge
 
 Decompose = Callable[[Sequence[DecompositionPart], int | None], list[list[np.ndarray]]]
 

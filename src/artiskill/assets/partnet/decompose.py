@@ -25,9 +25,8 @@ from artiskill.assets.partnet.simplify import lighten
 from artiskill.assets.partnet.slicing import bisect_hulls, hull_corners, hull_distance, slice_hulls
 from artiskill.assets.partnet.vessel import vessel_hulls
 from artiskill.errors import MissingExtraError
-from artiskill.geometry.exact import total
-from artiskill.geometry.hulls import convex_hull, depth_inside
-from artiskill.geometry.meshes import TriMesh, merge, sample_surface
+from artiskill.geometry.arrays import total
+from artiskill.geometry.meshes import TriMesh, convex_hull, depth_inside, merge, sample_surface
 
 _PROBES, _PROBES_AT_ONCE = 400, 100  # samples of a hull's surface in the test of a hull alone
 _NEAR_SHARE = 0.98  # of them that must lie near the drawn surface

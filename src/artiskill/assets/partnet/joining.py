@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from artiskill.geometry.hulls import convex_hull
-from artiskill.geometry.meshes import triangle_areas
+from artiskill.geometry.meshes import convex_hull, triangle_areas
 
 # Hulls whose bounds are this near are tried first; further ones, in steps, where that leaves too many. To try all
 # pairs of a few hundred takes minutes, and what is joined over a distance fills the room between.

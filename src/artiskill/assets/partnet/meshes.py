@@ -4,8 +4,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from artiskill.geometry.hulls import ConvexHull, convex_hull, depth_inside
-from artiskill.geometry.meshes import TriMesh
+from artiskill.geometry.meshes import ConvexHull, TriMesh, convex_hull, depth_inside
 from artiskill.geometry.surfaces import point_triangle_distance
 
 _CHUNK = 2_000_000  # point-triangle pairs worked on at once: some 200 MB

@@ -3,8 +3,8 @@
 import numpy as np
 
 from artiskill.assets.articulated_object import CollisionShape, Joint, Link
-from artiskill.geometry.hulls import ConvexHull, convex_hull, depth_inside
-from artiskill.geometry.meshes import box, cylinder, sample_surface, sphere
+from artiskill.geometry.meshes import ConvexHull, convex_hull, depth_inside, sample_surface
+from artiskill.geometry.primitives import box, cylinder, sphere
 from artiskill.geometry.rotations import quat_from_axis_angle, quat_to_matrix, transform_points
 
 # Sheets are made 3 mm thick, so neighbours that touch in the drawing overlap by less than this.

@@ -10,7 +10,7 @@ from artiskill.assets.partnet.overlaps import find_overlaps
 from artiskill.assets.partnet.part_names import WHEEL
 from artiskill.assets.partnet.semantics import UNKNOWN
 from artiskill.assets.volumes import shapes_volume_m3
-from artiskill.geometry.exact import total
+from artiskill.geometry.arrays import total
 
 
 def part_names(drawn: Sequence[Sequence[DrawnMesh]]) -> dict[str, str]:

@@ -11,9 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from artiskill.assets.partnet.meshes import distance_to_surface, limit_vertices, principal_axes, thick_hull
-from artiskill.geometry.exact import total
-from artiskill.geometry.hulls import convex_hull, depth_inside
-from artiskill.geometry.meshes import TriMesh, merge, sample_surface
+from artiskill.geometry.arrays import total
+from artiskill.geometry.meshes import TriMesh, convex_hull, depth_inside, merge, sample_surface
 
 _PROBES = 200
 _NEAR_SHARE = 0.95  # of the slices' surface that must lie near the drawn one

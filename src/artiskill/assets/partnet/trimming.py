@@ -14,7 +14,7 @@ from artiskill.assets.articulated_object import CollisionShape
 from artiskill.assets.partnet.collisions import hull_shape
 from artiskill.assets.partnet.overlaps import moved_hull, shape_hull
 from artiskill.assets.partnet.slicing import cut
-from artiskill.geometry.hulls import ConvexHull, convex_hull
+from artiskill.geometry.meshes import ConvexHull, convex_hull
 
 # What is less deep is legal to the checks; what is deeper than this would show, and is meant: a pin, a runner.
 _LEGAL_M, _MOST_M = 0.0005, 0.008

@@ -12,8 +12,7 @@ import numpy as np
 
 from artiskill.assets.partnet.meshes import distance_to_surface, weld
 from artiskill.assets.partnet.slicing import cut, hull_corners, slab
-from artiskill.geometry.hulls import convex_hull, depth_inside
-from artiskill.geometry.meshes import TriMesh, sample_surface
+from artiskill.geometry.meshes import TriMesh, convex_hull, depth_inside, sample_surface
 
 # A ball of 50 mm that falls from the rim at 2.5 m/s moves 5 mm in a step of 2 ms: it must not pass in one.
 LEAST_WALL_M = 0.008

@@ -8,8 +8,7 @@ in one that was measured, to overcome that. So the cylinder is narrow, in the mi
 import numpy as np
 
 from artiskill.assets.articulated_object import CollisionShape, Joint
-from artiskill.geometry.hulls import convex_hull
-from artiskill.geometry.meshes import TriMesh
+from artiskill.geometry.meshes import TriMesh, convex_hull
 from artiskill.geometry.rotations import quat_from_matrix
 
 # Beyond these the drawn wheel rolls visibly out of round, and a warning says so.

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.geometry.arrays import Array, namespace
-from artiskill.geometry.exact import rotate
+from artiskill.geometry.arrays import Array, namespace, rotate
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.move_bucket.outline import body_outline
 from artiskill.tasks.surface import surface_samples

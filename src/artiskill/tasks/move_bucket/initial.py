@@ -7,7 +7,7 @@ import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.config import check_not_negative, check_value
-from artiskill.geometry.exact import rotate
+from artiskill.geometry.arrays import rotate
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.states import InitialState
 from artiskill.tasks.move_bucket.goal import body_box

@@ -6,8 +6,8 @@ from functools import lru_cache
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape
-from artiskill.geometry.exact import matmul
-from artiskill.geometry.hulls import convex_hull
+from artiskill.geometry.arrays import matmul
+from artiskill.geometry.meshes import convex_hull
 from artiskill.geometry.rotations import transform_points
 
 DIRECTIONS = 72  # every five degrees, from the root's +x on

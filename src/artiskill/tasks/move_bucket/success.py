@@ -1,7 +1,6 @@
 """When the bucket counts as moved."""
 
-from artiskill.geometry.arrays import Array, amin, namespace
-from artiskill.geometry.exact import rotate
+from artiskill.geometry.arrays import Array, amin, namespace, rotate
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.move_bucket.goal import BucketGoal
 from artiskill.tasks.standing import Stand, StandingConfig

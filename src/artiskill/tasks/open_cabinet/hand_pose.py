@@ -4,8 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from artiskill.geometry.arrays import Array, amax, clip, dot, namespace
-from artiskill.geometry.exact import arccos, matmul
+from artiskill.geometry.arrays import Array, amax, arccos, clip, dot, matmul, namespace
 from artiskill.geometry.kernel import kernel
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet.goal import OpenGoal

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from artiskill.geometry.arrays import Array, amax, amin, clip, namespace
-from artiskill.geometry.exact import matmul
-from artiskill.geometry.hulls import depth_inside
+from artiskill.geometry.arrays import Array, amax, amin, clip, matmul, namespace
 from artiskill.geometry.kernel import kernel
+from artiskill.geometry.meshes import depth_inside
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet.goal import OpenGoal
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape
 from artiskill.assets.kinematics import joint_values, link_poses
-from artiskill.geometry.exact import matmul, rotate
+from artiskill.geometry.arrays import matmul, rotate
 from artiskill.geometry.rotations import quat_to_matrix
 
 POSTS = 4  # slots: a frame has at most four

@@ -15,9 +15,9 @@ from artiskill.assets.cabinets.pulls.pull import (
     is_hookable,
 )
 from artiskill.assets.cabinets.spec import HandleModel
-from artiskill.geometry.exact import power
-from artiskill.geometry.meshes import box, cylinder, merge
-from artiskill.geometry.strips import strip
+from artiskill.geometry.arrays import power
+from artiskill.geometry.meshes import merge
+from artiskill.geometry.primitives import box, cylinder, strip
 
 _POST_SIDES = 10
 _BEVEL_M = 0.001

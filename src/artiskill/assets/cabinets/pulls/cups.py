@@ -7,7 +7,7 @@ from artiskill.assets.cabinets.pulls.pull import PART, Pull, Sinks
 from artiskill.assets.cabinets.spec import HandleModel
 from artiskill.assets.handles import HandleGrasp, grasp_depth
 from artiskill.assets.parts import IDENTITY
-from artiskill.geometry.exact import power
+from artiskill.geometry.arrays import power
 from artiskill.geometry.meshes import TriMesh
 
 _SHEET_M = 0.0022

@@ -13,7 +13,8 @@ from artiskill.assets.cabinets.pulls.pull import (
 )
 from artiskill.assets.cabinets.spec import HandleModel
 from artiskill.assets.handles import HandleGrasp, grasp_depth
-from artiskill.geometry.meshes import TriMesh, box, cylinder, merge
+from artiskill.geometry.meshes import TriMesh, merge
+from artiskill.geometry.primitives import box, cylinder
 
 Corner = tuple[float, float, float]
 

@@ -13,8 +13,8 @@ from artiskill.assets.cabinets.pulls.pull import (
 )
 from artiskill.assets.cabinets.spec import HandleModel
 from artiskill.assets.handles import HandleGrasp, grasp_depth
-from artiskill.geometry.meshes import box, cylinder, lathe, merge, sphere
-from artiskill.geometry.strips import torus
+from artiskill.geometry.meshes import merge
+from artiskill.geometry.primitives import box, cylinder, lathe, sphere, torus
 
 _SIDES = 20
 _BEVEL_M = 0.0015

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import artiskill
-from artiskill.geometry.arrays import dot
-from artiskill.geometry.exact import arccos, arcsin, arctan2, exp, matmul, power, rotate, total
+from artiskill.geometry.arrays import arccos, arcsin, arctan2, dot, exp, matmul, power, rotate, total
 
 SOURCE = Path(artiskill.__file__).parent
 ROOMS = ("geometry", "assets", "robots", "scene", "sim", "sensors", "tasks", "envs")
@@ -24,7 +23,7 @@ UNLIKE = {
 }
 # file or folder -> why it may
 EXEMPT = {
-    "geometry/exact.py": "calls them for arrays of other libraries",
+    "geometry/arrays.py": "calls them for arrays of other libraries",
     "assets/partnet": "imports from files, with CoACD: no hash of a catalogue is compared",
     "sensors/camera.py": "whether a matrix is a rotation, to within 1e-6",
     "sensors/framing.py": "where to look from, for pictures of objects",
@@ -119,7 +118,7 @@ def test_rooms_whose_bits_count_use_nothing_that_differs_elsewhere() -> None:
         name = path.relative_to(SOURCE).as_posix()
         if not any(name == exempt or name.startswith(exempt + "/") for exempt in EXEMPT):
             found += [f"{name}:{line} {what}" for line, what in unlike(path.read_text(encoding="utf-8"))]
-    assert not found, "use artiskill.geometry.exact, or math for single numbers"
+    assert not found, "use artiskill.geometry.arrays, or math for single numbers"
 
 
 def test_exemptions_exist() -> None:
