@@ -3,8 +3,8 @@
 Objects are those of `partnet_folders.py`, written to a temporary folder, and any folders that are named; the cache
 is empty at first. `wall` is the clock's time, `cpu` that of all processes together, which another load stretches
 little; `again` is the clock's time of a second import. Deviations are those of `artiskill assets check`: the 95th
-percentile of the worst link, from what is drawn to what is touched and back; `hollow` is the largest share of a
-drawer's hollow that is solid. `python benchmarks/partnet_import.py --help` lists the options.
+percentile of the worst link, from visual surface to collision shapes and back; `cavity` is the largest share of a
+drawer's cavity that is solid. `python benchmarks/partnet_import.py --help` lists the options.
 """
 
 import argparse
@@ -19,9 +19,8 @@ from partnet_folders import OBJECTS, write_object
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.partnet import import_partnet
 from artiskill.checks.config import default_checks_config
-from artiskill.checks.hollow import check_hollow
-from artiskill.checks.specimen import Specimen
-from artiskill.checks.surfaces import check_surfaces
+from artiskill.checks.context import CheckContext
+from artiskill.checks.surfaces import check_cavity, check_surfaces
 
 GOAL_S = 60.0
 Figures = dict[str, float | int | str]
@@ -48,18 +47,17 @@ def measure(folder: Path, workers: int | None) -> Figures:
 
 def quality(found: ArticulatedObject) -> Figures:
     """How many shapes there are, and how far they are from what is drawn."""
-    config = default_checks_config()
-    specimen = Specimen(found, config)
-    surfaces = check_surfaces(specimen, config)
-    there = [r.value or 0.0 for r in surfaces if "drawn surface to" in r.note]
-    back = [r.value or 0.0 for r in surfaces if "touched surface to" in r.note]
-    hollow = [r.value or 0.0 for r in check_hollow(specimen, config)]
+    context = CheckContext(found, default_checks_config())
+    surfaces = check_surfaces(context)
+    there = [r.value or 0.0 for r in surfaces if r.note.startswith("visual to")]
+    back = [r.value or 0.0 for r in surfaces if r.note.startswith("collision to")]
+    cavity = [r.value or 0.0 for r in check_cavity(context)]
     return {
         "shapes": sum(len(link.collisions) for link in found.links),
         "triangles": sum(len(visual.mesh.faces) for link in found.links for visual in link.visuals),
         "there_mm": max(there, default=0.0),
         "back_mm": max(back, default=0.0),
-        "hollow_percent": max(hollow, default=0.0),
+        "cavity_percent": max(cavity, default=0.0),
         "hash": found.content_hash,
     }
 

@@ -9,7 +9,7 @@ import pytest
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object
 from artiskill.checks.config import default_checks_config, load_checks_config
-from artiskill.checks.result import CheckResult
+from artiskill.checks.context import CheckResult
 from artiskill.checks.runner import check_object
 
 
@@ -94,9 +94,9 @@ def test_a_chair_that_leans_on_three_legs(make: SimpleNamespace) -> None:
 def test_a_drawer_that_is_solid_to_the_touch(make: SimpleNamespace) -> None:
     lid = [("drawer_side", (0.18, 0, 0.36), (0.16, 0.2, 0.05))]
     found = faults(make.with_boxes(make.cabinet(), "link_0", lid, drawn=False))
-    assert set(found) == {"hollow", "surfaces"}
-    assert found["hollow"][0].value > 30
-    assert "link_0" in found["hollow"][0].note
+    assert set(found) == {"cavity", "surfaces"}
+    assert found["cavity"][0].value > 30
+    assert "link_0" in found["cavity"][0].note
 
 
 def test_what_is_drawn_elsewhere(make: SimpleNamespace) -> None:

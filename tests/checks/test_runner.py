@@ -1,4 +1,4 @@
-"""Many objects at once: reports in order, twins found, files written whole, loads that fail."""
+"""Many objects at once: reports in order, duplicates found, files written whole, loads that fail."""
 
 import json
 from dataclasses import replace
@@ -13,16 +13,16 @@ from artiskill.checks.runner import check_objects, write_json
 from artiskill.errors import ConfigError
 
 
-def test_twins_are_alike_and_others_are_not(make: SimpleNamespace) -> None:
+def test_duplicates_are_found_and_others_pass(make: SimpleNamespace) -> None:
     one = make.cabinet()
-    twin, wide = replace(one, id="twin"), make.cabinet("wide", width_m=0.8)
-    reports = check_objects([one, twin, wide, make.chair()])
-    alike = {report.id: [r for r in report.results if r.check == "alike"] for report in reports}
-    assert alike["twin"][0].subject == one.id
-    assert alike["twin"][0].value == pytest.approx(0, abs=1)
-    assert not alike["twin"][0].passed
-    assert alike["wide"][0].passed
-    assert alike["chair"] == []  # alone in its category
+    copy, wide = replace(one, id="copy"), make.cabinet("wide", width_m=0.8)
+    reports = check_objects([one, copy, wide, make.chair()])
+    duplicates = {report.id: [r for r in report.results if r.check == "duplicates"] for report in reports}
+    assert duplicates["copy"][0].subject == one.id
+    assert duplicates["copy"][0].value == pytest.approx(0, abs=1)
+    assert not duplicates["copy"][0].passed
+    assert duplicates["wide"][0].passed
+    assert duplicates["chair"] == []  # alone in its category
 
 
 def test_processes_change_nothing(make: SimpleNamespace) -> None:

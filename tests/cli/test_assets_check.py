@@ -2,20 +2,26 @@
 
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
-from artiskill.checks.result import at_least, at_most, failed, fine
+from artiskill.checks.context import CheckResult, at_least, at_most, failed, fine
 from artiskill.checks.runner import ObjectReport
 from artiskill.cli.check_table import print_to
 from artiskill.cli.main import main
 
+
+def named(check: str, result: CheckResult) -> CheckResult:
+    return replace(result, check=check)
+
+
 SOUND = (
-    fine("compiles", "object", ""),
-    at_most("closed", "object", 0.2, 1.0, "mm"),
-    at_least("roll", "way", 0.5, 0.1, "m"),
+    named("compiles", fine("object", "")),
+    named("closed", at_most("object", 0.2, 1.0, "mm")),
+    named("roll", at_least("way", 0.5, 0.1, "m")),
 )
 
 
@@ -35,10 +41,10 @@ def test_a_table_of_sound_objects() -> None:
 
 
 def test_faults_are_listed_and_shortened() -> None:
-    faults = tuple(at_most("sweep", f"link_{i}", 5.0 + i, 1.0, "mm", "wheel in [fork]") for i in range(9))
-    lean = at_most("roll", "lean", 20.0, 10.0, "deg", "60 N")
+    faults = tuple(named("sweep", at_most(f"link_{i}", 5.0 + i, 1.0, "mm", "wheel in [fork]")) for i in range(9))
+    lean = named("roll", at_most("lean", 20.0, 10.0, "deg", "60 N"))
     report = ObjectReport(
-        "chair-1", "chair", "generated", (*SOUND, *faults, lean, failed("loads", "object", "x")), 0.1
+        "chair-1", "chair", "generated", (*SOUND, *faults, lean, named("loads", failed("object", "x"))), 0.1
     )
     text = text_of([report])
     assert "13.0 !" in text

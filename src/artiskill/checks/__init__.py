@@ -1,1 +1,1 @@
-"""Is an object fit for the benchmark? One file per question; `runner` asks all of them, of many objects."""
+"""Is an object fit for the benchmark? Each check is a function in `runner.CHECKS`."""

@@ -6,30 +6,25 @@ from functools import cache
 from typing import Any
 
 from artiskill.assets.similarity import DescriptorConfig
-from artiskill.config import (
-    CONFIG_DIR,
-    check,
-    check_not_negative,
-    check_positive,
-    check_range,
-    load_config,
-)
+from artiskill.config import CONFIG_DIR, check, check_not_negative, check_positive, check_range, load_config
 from artiskill.errors import UnknownNameError
+
+
+class _PositiveNumbers:
+    """Base of configs whose numbers must all be positive."""
+
+    def __post_init__(self) -> None:
+        numbers = (f.name for f in fields(self) if f.type is not str)  # type: ignore[arg-type]
+        check_positive(self, *numbers)
 
 
 @dataclass(frozen=True)
 class SweepConfig:
-    """At how many places a joint is looked at, links being geometry only.
+    """At how many places a joint is looked at, links being geometry only."""
 
-    Attributes:
-        steps: of a joint with limits, from one to the other.
-        steps_per_turn: of a joint without limits.
-        combinations: random values of all joints at once, for categories whose joints never hinder one another.
-    """
-
-    steps: int
-    steps_per_turn: int
-    combinations: int
+    steps: int  # of a joint with limits, from one to the other
+    steps_per_turn: int  # of a joint without limits
+    combinations: int  # random values of all joints at once, for categories whose joints never hinder one another
 
     def __post_init__(self) -> None:
         check_positive(self, "steps", "steps_per_turn")
@@ -37,143 +32,80 @@ class SweepConfig:
 
 
 @dataclass(frozen=True)
-class DriveConfig:
-    """With what joints are driven through their ranges in the simulation.
+class DriveConfig(_PositiveNumbers):
+    """With what joints are driven through their ranges in the simulation."""
 
-    Attributes:
-        force_n: on a sliding joint.
-        torque_nm: on a turning joint.
-        wheel_torque_nm: on casters and wheels.
-        time_s: to get from one limit to the other.
-        reach: share of the range that must be covered.
-    """
-
-    force_n: float
-    torque_nm: float
-    wheel_torque_nm: float
-    time_s: float
-    reach: float
-
-    def __post_init__(self) -> None:
-        check_positive(self, *(f.name for f in fields(self)))
+    force_n: float  # on a sliding joint
+    torque_nm: float  # on a turning joint
+    wheel_torque_nm: float  # on casters and wheels
+    time_s: float  # to get from one limit to the other
+    reach: float  # share of the range that must be covered
 
 
 @dataclass(frozen=True)
-class SettleConfig:
-    """What stands must stay: how long it is watched, how far it may move and lean."""
+class SettleConfig(_PositiveNumbers):
+    """How long an object on the ground is watched, and how far it may move and lean."""
 
     time_s: float
     drift_m: float
     tilt_deg: float
 
-    def __post_init__(self) -> None:
-        check_positive(self, *(f.name for f in fields(self)))
+
+@dataclass(frozen=True)
+class PushConfig(_PositiveNumbers):
+    """A push that a chair must follow without tipping, and a torque that must turn its seat."""
+
+    force_n: float  # horizontal, at most
+    weight_share: float  # and at most this share of the chair's weight
+    height_share: float  # height of the push as a share of the chair's, where metadata has no `seat_height_m`
+    time_s: float  # how long force or torque act
+    coast_s: float  # how long the chair is watched after that
+    directions: int  # horizontal, evenly spread
+    distance_m: float  # how far it must have moved
+    tilt_deg: float  # how far it may lean meanwhile
+    torque_nm: float  # about the vertical, on the seat
+    swivel_deg: float  # how far the seat must have turned against the base
 
 
 @dataclass(frozen=True)
-class PushConfig:
-    """A push that a chair must follow without tipping, and a torque that must turn its seat.
-
-    Attributes:
-        force_n: horizontal, at most.
-        weight_share: and at most this share of the chair's weight.
-        height_share: height of the push as a share of the chair's, where metadata has no `seat_height_m`.
-        time_s: how long force or torque act.
-        coast_s: how long the chair is watched after that.
-        directions: horizontal, evenly spread.
-        distance_m: how far it must have moved.
-        tilt_deg: how far it may lean meanwhile.
-        torque_nm: about the vertical, on the seat.
-        swivel_deg: how far the seat must have turned against the base.
-    """
-
-    force_n: float
-    weight_share: float
-    height_share: float
-    time_s: float
-    coast_s: float
-    directions: int
-    distance_m: float
-    tilt_deg: float
-    torque_nm: float
-    swivel_deg: float
-
-    def __post_init__(self) -> None:
-        check_positive(self, *(f.name for f in fields(self)))
-
-
-@dataclass(frozen=True)
-class BallConfig:
-    """A ball that a bucket must hold.
-
-    Attributes:
-        radius_m: of the ball.
-        density_kg_m3: of the ball.
-        drop_m: height of its centre above the rim.
-        offset: how far from the middle it falls in too, as a share of what the mouth leaves it.
-        speed_m_s: with which it then moves outwards.
-        time_s: how long it is watched.
-    """
+class BallConfig(_PositiveNumbers):
+    """A ball that a bucket must hold."""
 
     radius_m: float
     density_kg_m3: float
-    drop_m: float
-    offset: float
-    speed_m_s: float
-    time_s: float
-
-    def __post_init__(self) -> None:
-        check_positive(self, *(f.name for f in fields(self)))
+    drop_m: float  # height of its centre above the rim
+    offset: float  # how far from the middle it is dropped too, as a share of the free half width of the mouth
+    speed_m_s: float  # with which it then moves outwards
+    time_s: float  # how long it is watched
 
 
 @dataclass(frozen=True)
 class SurfacesConfig:
-    """How well what is touched must follow what is drawn.
+    """How well collision shapes must follow the visual surfaces."""
 
-    Attributes:
-        points: samples of each surface of a link.
-        percentile: of the samples' distances that the limit applies to.
-        distance_m: the limit.
-        solid_share: largest share of a drawn hollow that may be solid to the touch.
-    """
-
-    points: int
-    percentile: float
-    distance_m: float
-    solid_share: float
+    points: int  # samples of each surface of a link
+    percentile: float  # of the samples' distances that the limit applies to
+    distance_m: float  # the limit
+    solid_share: float  # largest share of a drawer's visible cavity that collision shapes may fill
 
     def __post_init__(self) -> None:
         check_positive(self, "points", "distance_m")
-        check_range_of_percent(self.percentile)
+        check(0 <= self.percentile <= 100, f"percentile must lie in [0, 100], not {self.percentile}")
         check_not_negative(self, "solid_share")
 
 
 @dataclass(frozen=True)
-class GripConfig:
-    """How the gripper is tried on handles.
+class GripConfig(_PositiveNumbers):
+    """How the gripper is tried on handles."""
 
-    Attributes:
-        robot: whose gripper and reach are meant.
-        penetration_m: of the gripper into the object or the ground that still counts as free.
-        opening_m: of each finger, when open.
-        step_m: by which fingers close.
-        near_handle_m: a pad that touches the link this near to the handle's hull touches the handle.
-        pull_m: a hooked finger that is pulled this far must have met the handle.
-        reach_m: of the arm, from its first joint to between the pads.
-        stand_off_m: horizontal distance of that joint to the handle in front of the object.
-    """
-
-    robot: str
-    penetration_m: float
-    opening_m: float
-    step_m: float
-    near_handle_m: float
-    pull_m: float
-    reach_m: float
-    stand_off_m: float
-
-    def __post_init__(self) -> None:
-        check_positive(self, *(f.name for f in fields(self) if f.name != "robot"))
+    robot: str  # whose gripper and reach are meant
+    penetration_m: float  # of the gripper into the object or the ground that still counts as free
+    opening_m: float  # of each finger, when open
+    step_m: float  # by which fingers close
+    near_handle_m: float  # a pad that meets the link this near to the handle's hull meets the handle
+    pull_m: float  # a hooked finger that is pulled this far must have met the handle
+    reach_m: float  # of the arm, from its first joint to between the pads
+    stand_off_m: float  # horizontal distance of that joint to the handle in front of the object
 
 
 @dataclass(frozen=True)
@@ -189,27 +121,16 @@ class DynamicsConfig:
 
 @dataclass(frozen=True)
 class CategoryConfig:
-    """What holds for one category.
+    """What holds for one category."""
 
-    Attributes:
-        triangles: at most.
-        geoms: collision shapes, at most.
-        mass_kg: lowest and highest, of the whole.
-        link_mass_kg: lowest and highest, of each moving link.
-        ground_friction: of the ground, as in the category's task.
-        object_friction: of the object, likewise; wheels have their own.
-        joints: of all joints but wheels.
-        wheels: of joints that carry nothing but wheels: casters and the wheels themselves.
-    """
-
-    triangles: int
-    geoms: int
-    mass_kg: tuple[float, ...]
-    link_mass_kg: tuple[float, ...]
-    ground_friction: float
-    object_friction: float
-    joints: DynamicsConfig
-    wheels: DynamicsConfig
+    triangles: int  # at most
+    geoms: int  # collision shapes, at most
+    mass_kg: tuple[float, ...]  # lowest and highest, of the whole
+    link_mass_kg: tuple[float, ...]  # lowest and highest, of each moving link
+    ground_friction: float  # as in the category's task
+    object_friction: float  # likewise; wheels have their own
+    joints: DynamicsConfig  # of all joints but wheels
+    wheels: DynamicsConfig  # of joints that carry nothing but wheels: casters and the wheels themselves
 
     def __post_init__(self) -> None:
         check_positive(self, "triangles", "geoms")
@@ -219,16 +140,12 @@ class CategoryConfig:
 
 @dataclass(frozen=True)
 class ChecksConfig:
-    """All of it.
+    """All settings of the checks."""
 
-    Attributes:
-        penetration_m: of links into one another that is still called touching.
-        bearing_parts: names of parts that may run into the parent's or child's, as a pin does into its hinge.
-        categories: by name of the category.
-    """
-
-    penetration_m: float
-    bearing_parts: tuple[str, ...]
+    penetration_m: float  # of links into one another that still counts as touching
+    bearing_parts: tuple[
+        str, ...
+    ]  # names of parts that may run into the parent's or child's, as a pin into its hinge
     sweep: SweepConfig
     drive: DriveConfig
     settle: SettleConfig
@@ -237,13 +154,13 @@ class ChecksConfig:
     surfaces: SurfacesConfig
     grip: GripConfig
     descriptor: DescriptorConfig
-    categories: dict[str, CategoryConfig]
+    categories: dict[str, CategoryConfig]  # by name of the category
 
     def __post_init__(self) -> None:
         check_positive(self, "penetration_m")
 
     def of(self, category: str) -> CategoryConfig:
-        """The values of one category.
+        """Return the values of one category.
 
         Raises:
             UnknownNameError: it has none.
@@ -253,13 +170,8 @@ class ChecksConfig:
         return self.categories[category]
 
 
-def check_range_of_percent(value: float) -> None:
-    """Refuse what is no percentage."""
-    check(0 <= value <= 100, f"percentile must lie in [0, 100], not {value}")
-
-
 def load_checks_config(overrides: Mapping[str, Any] | None = None) -> ChecksConfig:
-    """The config of the package, with values changed: `{"settle.drift_m": 0.001}`.
+    """Load the config of the package, with values changed: `{"settle.drift_m": 0.001}`.
 
     Raises:
         ConfigError: an unknown key or a value that is not legal.
@@ -269,5 +181,5 @@ def load_checks_config(overrides: Mapping[str, Any] | None = None) -> ChecksConf
 
 @cache
 def default_checks_config() -> ChecksConfig:
-    """The config of the package."""
+    """Return the config of the package."""
     return load_checks_config()

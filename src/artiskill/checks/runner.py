@@ -14,18 +14,55 @@ from typing import Any
 from artiskill import __version__
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object, object_id_of
-from artiskill.assets.similarity import Descriptor, describe
-from artiskill.checks.alike import check_alike
+from artiskill.assets.similarity import NEAR_DUPLICATE_M, Descriptor, describe, nearest_neighbours
 from artiskill.checks.config import ChecksConfig, default_checks_config
-from artiskill.checks.result import CheckResult, failed
-from artiskill.checks.specimen import Specimen
-from artiskill.checks.table import CHECKS, Check
+from artiskill.checks.context import CheckContext, CheckResult, at_least, failed
+from artiskill.checks.dynamics import check_ball, check_drive, check_roll, check_settle, check_swivel
+from artiskill.checks.handles import check_handles, check_reach
+from artiskill.checks.model import check_compiles, check_geoms, check_mass, check_triangles
+from artiskill.checks.overlaps import check_closed, check_sweep
+from artiskill.checks.surfaces import check_cavity, check_surfaces
 from artiskill.config import to_mapping
 from artiskill.errors import ArtiSkillError, ConfigError
 from artiskill.jobs.whole_files import whole_file
 
-LOADS = "loads"
+LOADS, COMPILES, DUPLICATES = "loads", "compiles", "duplicates"
 Item = str | ArticulatedObject
+
+
+@dataclass(frozen=True)
+class Check:
+    """A question to an object.
+
+    Attributes:
+        function: answers it.
+        needs_engine: whether it makes sense only if the engine compiles the object.
+        categories: of the objects that it is asked of.
+    """
+
+    function: Callable[[CheckContext], list[CheckResult]]
+    needs_engine: bool = True
+    categories: tuple[str, ...] = ("cabinet", "chair", "bucket")
+
+
+# by name, in the order in which they are asked; besides these there are `LOADS` and `DUPLICATES`
+CHECKS = {
+    COMPILES: Check(check_compiles, needs_engine=False),
+    "triangles": Check(check_triangles, needs_engine=False),
+    "geoms": Check(check_geoms, needs_engine=False),
+    "mass": Check(check_mass),
+    "closed": Check(check_closed),
+    "sweep": Check(check_sweep),
+    "drive": Check(check_drive),
+    "surfaces": Check(check_surfaces, needs_engine=False),
+    "handles": Check(check_handles),
+    "reach": Check(check_reach, needs_engine=False),
+    "cavity": Check(check_cavity, needs_engine=False, categories=("cabinet",)),
+    "settle": Check(check_settle, categories=("chair", "bucket")),
+    "roll": Check(check_roll, categories=("chair",)),
+    "swivel": Check(check_swivel, categories=("chair",)),
+    "ball": Check(check_ball, categories=("bucket",)),
+}
 
 
 @dataclass(frozen=True)
@@ -50,30 +87,12 @@ class ObjectReport:
 
     @property
     def passed(self) -> bool:
-        """Whether everything is as it should be."""
-        return all(result.passed for result in self.results)
+        """Whether all results are legal."""
+        return not self.failures()
 
     def failures(self) -> tuple[CheckResult, ...]:
-        """What is not."""
+        """Return the results that are not legal."""
         return tuple(result for result in self.results if not result.passed)
-
-
-def check_object(obj: ArticulatedObject, config: ChecksConfig | None = None) -> list[CheckResult]:
-    """All checks of one object but the comparison with others.
-
-    Raises:
-        UnknownNameError: the config knows nothing of the object's category.
-    """
-    config = config or default_checks_config()
-    config.of(obj.category)
-    specimen = Specimen(obj, config)
-    results: list[CheckResult] = []
-    compiles = True
-    for check in CHECKS[obj.category]:
-        if compiles or not check.needs_engine:
-            results += _ask(check, specimen, config)
-            compiles = compiles and all(result.passed for result in results if result.check == "compiles")
-    return results
 
 
 def check_objects(
@@ -82,7 +101,7 @@ def check_objects(
     workers: int = 1,
     on_done: Callable[[ObjectReport], None] | None = None,
 ) -> list[ObjectReport]:
-    """All checks of all objects, and the comparison of each with the others.
+    """Run all checks of all objects, and compare each with the others.
 
     Args:
         items: ids for `load_object`, or objects.
@@ -108,11 +127,30 @@ def check_objects(
             on_done(found[-1][0])
     else:
         found = _examine_on_processes(examine, items, workers, on_done)
-    alike = check_alike([descriptor for _, descriptor in found if descriptor is not None])
+    duplicates = _check_duplicates([descriptor for _, descriptor in found if descriptor is not None])
     return [
-        replace(report, results=(*report.results, alike[report.id])) if report.id in alike else report
+        replace(report, results=(*report.results, duplicates[report.id])) if report.id in duplicates else report
         for report, _ in found
     ]
+
+
+def check_object(obj: ArticulatedObject, config: ChecksConfig | None = None) -> list[CheckResult]:
+    """Run all checks of one object but the comparison with others.
+
+    Raises:
+        UnknownNameError: the config knows nothing of the object's category.
+    """
+    config = config or default_checks_config()
+    config.of(obj.category)
+    context = CheckContext(obj, config)
+    results: list[CheckResult] = []
+    compiles = True
+    for name, check in CHECKS.items():
+        if obj.category in check.categories and (compiles or not check.needs_engine):
+            found = _run(name, check, context)
+            results += found
+            compiles = compiles and (name != COMPILES or all(result.passed for result in found))
+    return results
 
 
 def write_json(reports: Sequence[ObjectReport], config: ChecksConfig, path: Path) -> None:
@@ -134,26 +172,42 @@ def write_json(reports: Sequence[ObjectReport], config: ChecksConfig, path: Path
         raise ConfigError(f"cannot write {str(path)!r}: {error.strerror or error}") from error
 
 
-def _ask(check: Check, specimen: Specimen, config: ChecksConfig) -> list[CheckResult]:
+def _run(name: str, check: Check, context: CheckContext) -> list[CheckResult]:
+    """Run one check and enter its name in the results."""
     try:
-        return check.ask(specimen, config)
+        found = check.function(context)
     except ConfigError:  # that is no fault of the object
         raise
     except Exception as error:  # whatever a broken object leads to: the other checks and objects go on
-        name = check.ask.__name__.removeprefix("check_")
-        return [failed(name, "object", f"the check ended with {type(error).__name__}: {error}")]
+        found = [failed("object", f"the check ended with {type(error).__name__}: {error}")]
+    return [replace(result, check=name) for result in found]
+
+
+def _check_duplicates(descriptors: Sequence[Descriptor]) -> dict[str, CheckResult]:
+    """Check that no two objects of a category are nearly alike: by id, the distance to the nearest neighbour.
+
+    Objects that are alone in their category are left out. `assets.similarity` says how it is measured.
+    """
+    categories = {one.id: one.category for one in descriptors}
+    results = {}
+    for found in nearest_neighbours(descriptors):
+        limit = 1e3 * NEAR_DUPLICATE_M[categories[found.id]]
+        note = "with the same joints" if found.same_joints else "with other joints"
+        result = at_least(found.nearest, 1e3 * found.distance_m, limit, "mm", note)
+        results[found.id] = replace(result, check=DUPLICATES)
+    return results
 
 
 def _examine(item: Item, config: ChecksConfig) -> tuple[ObjectReport, Descriptor | None]:
-    """What a worker does for one object."""
+    """Do what a worker does for one object."""
     start = time.perf_counter()
     try:
         obj = load_object(item) if isinstance(item, str) else item
         results = check_object(obj, config)
         descriptor = describe(obj, config.descriptor) if any(link.visuals for link in obj.links) else None
     except ArtiSkillError as error:
-        results = [failed(LOADS, "object", str(error))]
-        return ObjectReport(object_id_of(item), "", "", tuple(results), time.perf_counter() - start), None
+        fault = replace(failed("object", str(error)), check=LOADS)
+        return ObjectReport(object_id_of(item), "", "", (fault,), time.perf_counter() - start), None
     source = str(obj.metadata.get("source", ""))
     remarks = tuple(map(str, obj.metadata.get("warnings", ())))
     report = ObjectReport(obj.id, obj.category, source, tuple(results), time.perf_counter() - start, remarks)
@@ -164,7 +218,7 @@ def _examine_on_processes(
     examine: Callable[[Item], Any], items: Sequence[Item], workers: int, on_done: Callable[[ObjectReport], None]
 ) -> list[tuple[ObjectReport, Descriptor | None]]:
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(workers, len(items)), context, initializer=_leave_ctrl_c_to_the_parent)
+    pool = ProcessPoolExecutor(min(workers, len(items)), context, initializer=_ignore_ctrl_c)
     futures: list[Future[tuple[ObjectReport, Descriptor | None]]] = []
     try:
         futures = [pool.submit(examine, item) for item in items]
@@ -175,5 +229,5 @@ def _examine_on_processes(
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _leave_ctrl_c_to_the_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _ignore_ctrl_c() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles it

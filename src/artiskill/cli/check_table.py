@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from rich.table import Table
     from rich.text import Text
 
-    from artiskill.checks.result import CheckResult
+    from artiskill.checks.context import CheckResult
     from artiskill.checks.runner import ObjectReport
 
 _PIPED_WIDTH = 150  # a file or pipe has no width of its own

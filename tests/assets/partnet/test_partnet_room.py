@@ -14,9 +14,9 @@ from artiskill.assets.partnet.collisions import hull_shape
 from artiskill.assets.partnet.overlaps import shape_hull
 from artiskill.assets.partnet.trimming import trim_overlaps
 from artiskill.checks.config import default_checks_config
+from artiskill.checks.context import CheckContext
 from artiskill.checks.handles import check_handles
-from artiskill.checks.penetration import check_penetration
-from artiskill.checks.specimen import Specimen
+from artiskill.checks.overlaps import check_closed
 from artiskill.geometry.meshes import TriMesh, convex_hull, merge
 from artiskill.geometry.primitives import box
 from artiskill.robots.arm_config import load_arm
@@ -70,7 +70,7 @@ def cabinet(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Articulat
 
 def test_the_front_is_set_free_and_told(cabinet):
     config = default_checks_config()
-    results = check_penetration(Specimen(cabinet, config), config)
+    results = check_closed(CheckContext(cabinet, config))
     assert [result.value for result in results] == [0.0]
     told = [text for text in cabinet.metadata["warnings"] if "trimmed" in text]
     assert told == ["collision shapes of 'link_1' and 'base' overlapped at rest: trimmed by up to 4.9 mm"]
@@ -82,7 +82,7 @@ def test_the_front_is_set_free_and_told(cabinet):
 
 def test_offered_grasps_are_possible(cabinet):
     config = default_checks_config()
-    results = check_handles(Specimen(cabinet, config), config)
+    results = check_handles(CheckContext(cabinet, config))
     assert [(result.passed, result.note) for result in results if not result.passed] == []
     assert [h.grasp_positions.shape for h in cabinet.handles] == [(2, 3), (2, 3)]
     door = cabinet.handles_of("link_2")[0]

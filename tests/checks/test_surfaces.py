@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from artiskill.assets.articulated_object import CollisionShape
-from artiskill.checks.shapes import TouchedSurface
+from artiskill.checks.surfaces import CollisionSurface
 from artiskill.geometry.primitives import box
 from artiskill.geometry.rotations import quat_from_rpy, transform_points
 
@@ -12,8 +12,8 @@ TURN = quat_from_rpy((0.3, -0.5, 1.1))
 PLACE = np.array((0.2, -0.1, 0.4))
 
 
-def placed(kind: str, size: tuple[float, ...], vertices: np.ndarray | None = None) -> TouchedSurface:
-    return TouchedSurface([CollisionShape(kind, size, PLACE, TURN, vertices)])  # type: ignore[arg-type]
+def placed(kind: str, size: tuple[float, ...], vertices: np.ndarray | None = None) -> CollisionSurface:
+    return CollisionSurface([CollisionShape(kind, size, PLACE, TURN, vertices)])  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -46,10 +46,10 @@ def test_samples_lie_on_the_outside(rng: np.random.Generator) -> None:
     identity = np.array((1.0, 0, 0, 0))
     first = CollisionShape("box", (0.1, 0.1, 0.1), np.zeros(3), identity)
     second = CollisionShape("box", (0.1, 0.1, 0.1), np.array((0.1, 0, 0)), identity)
-    samples = TouchedSurface([first, second]).samples(500, rng)
+    samples = CollisionSurface([first, second]).samples(500, rng)
     assert 300 < len(samples) < 500
-    assert np.abs(TouchedSurface([first, second]).signed_distances(samples)).max() < 0.0021
+    assert np.abs(CollisionSurface([first, second]).signed_distances(samples)).max() < 0.0021
 
 
 def test_nothing_is_far_from_no_shapes() -> None:
-    assert np.isinf(TouchedSurface([]).signed_distances(np.zeros((2, 3)))).all()
+    assert np.isinf(CollisionSurface([]).signed_distances(np.zeros((2, 3)))).all()
