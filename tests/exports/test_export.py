@@ -7,8 +7,7 @@ import pytest
 from artiskill.assets.catalog import load_object
 from artiskill.errors import AssetError, ConfigError, UnknownNameError
 from artiskill.exports import mjcf
-from artiskill.exports.export import FORMATS, export_object, export_objects
-from artiskill.exports.folders import MARKER
+from artiskill.exports.export import FORMATS, MARKER, export_object, export_objects
 
 
 @pytest.mark.parametrize("kind", ["mjcf", "urdf"])
@@ -140,7 +139,7 @@ def test_a_failure_leaves_the_earlier_export(odd_chair, tmp_path, monkeypatch):
     def fail(*_: object) -> None:
         raise AssetError("stopped")
 
-    monkeypatch.setattr(mjcf, "engine_values", fail)
+    monkeypatch.setattr(mjcf, "compile_object", fail)
     with pytest.raises(AssetError, match="stopped"):
         export_object(odd_chair, "mjcf", tmp_path / "out")
     assert path.read_bytes() == before

@@ -10,8 +10,8 @@ import pytest
 
 from artiskill.assets.catalog import load_object
 from artiskill.errors import MissingExtraError
+from artiskill.exports.common import smooth_mesh
 from artiskill.exports.export import export_object
-from artiskill.exports.obj_files import smooth_mesh
 from artiskill.geometry.meshes import TriMesh
 from artiskill.geometry.primitives import box
 

@@ -15,9 +15,8 @@ from artiskill.assets.catalog import load_object
 from artiskill.assets.kinematics import link_poses
 from artiskill.errors import AssetError
 from artiskill.exports.export import export_object
-from artiskill.exports.urdf import rpy
 from artiskill.geometry.meshes import TriMesh
-from artiskill.geometry.rotations import quat_angle, quat_conjugate, quat_from_rpy, quat_multiply, quat_rotate
+from artiskill.geometry.rotations import quat_angle, quat_rotate
 from artiskill.scene.object_scene import build_object_scene
 from artiskill.scene.physics import PhysicsConfig
 
@@ -134,16 +133,6 @@ def test_paths_are_relative_and_there(odd_chair, tmp_path):
     for file in files:
         assert not Path(file).is_absolute()
         assert (path.parent / file).is_file()
-
-
-@pytest.mark.parametrize(
-    "angles", [(0.3, -0.4, 2.0), (0.1, math.pi / 2, 0.7), (-1.0, -math.pi / 2, 0.2), (3, 1, -3)]
-)
-def test_angles_give_the_rotation_back(angles):
-    quaternion = quat_from_rpy(angles)
-    again = quat_from_rpy(rpy(quaternion))
-    difference = quat_multiply(quat_conjugate(quaternion), again)
-    assert np.linalg.norm(difference[1:]) < 1e-7
 
 
 @pytest.mark.parametrize("given", [3, {"scale": -1}, {"scale": True}, {"origin": [0, 0]}, {"skale": 1.0}])

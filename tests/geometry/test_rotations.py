@@ -91,6 +91,13 @@ def test_rpy_turns_about_fixed_axes(rng: np.random.Generator) -> None:
         assert same_rotation(r.quat_from_rpy(rpy), Rotation.from_euler("xyz", rpy).as_quat(scalar_first=True))
 
 
+@pytest.mark.parametrize("angles", [(0.3, -0.4, 2.0), (0.1, np.pi / 2, 0.7), (-1.0, -np.pi / 2, 0.2), (3, 1, -3)])
+def test_roll_pitch_and_yaw_give_the_rotation_back(angles: tuple[float, float, float]) -> None:
+    quaternion = r.quat_from_rpy(angles)
+    difference = r.quat_multiply(r.quat_conjugate(quaternion), r.quat_from_rpy(r.quat_to_rpy(quaternion)))
+    assert np.linalg.norm(difference[1:]) < 1e-7
+
+
 def test_from_matrix_in_all_four_branches(rng: np.random.Generator) -> None:
     half_turns = np.eye(4)  # where the scalar part vanishes
     for q in np.concatenate((random_quats(rng), half_turns, r.quat_multiply(half_turns, random_quats(rng, 4)))):

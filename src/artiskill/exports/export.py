@@ -1,13 +1,19 @@
-"""`export_object`: an object to a self-contained folder of another program's format; `export_objects`: many."""
+"""`export_object`: an object to a self-contained folder of another program's format; `export_objects`: many.
 
+A folder appears whole or not at all, and a folder with anything but an earlier export of the same object is kept.
+"""
+
+import json
+import shutil
+import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 from artiskill import __version__
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object, object_id_of
-from artiskill.errors import check_name
-from artiskill.exports.folders import check_replaceable, replace_folder
+from artiskill.errors import ConfigError, check_name
 from artiskill.exports.glb import write_glb
 from artiskill.exports.mjcf import write_mjcf
 from artiskill.exports.urdf import write_urdf
@@ -20,6 +26,8 @@ _WRITERS: dict[str, Callable[[ArticulatedObject, Path], Path]] = {
 }
 FORMATS = tuple(_WRITERS)
 _OTHER_NAMES = {"gltf": "glb"}  # what else people call them
+MARKER = "artiskill.json"  # stands in every folder that an export made
+_MARKER_BYTES = 1_000_000  # more than any export writes: a longer file is someone else's
 
 
 def export_object(
@@ -55,7 +63,7 @@ def export_object(
         "content_hash": obj.content_hash,
         "source": str(obj.metadata.get("source", "unknown")),
     }
-    return replace_folder(output_path(folder), lambda new: _WRITERS[name](obj, new), marker, force)
+    return _replace_folder(output_path(folder), lambda new: _WRITERS[name](obj, new), marker, force)
 
 
 def export_objects(
@@ -81,17 +89,107 @@ def export_objects(
     name, above, items = format_named(format), output_path(folder), tuple(objects)
     for item in items:
         object_id = object_id_of(item)
-        check_replaceable(above / object_id, object_id, name, force)
+        _check_replaceable(above / object_id, object_id, name, force)
     for item in items:
         obj = load_object(item) if isinstance(item, str) else item
         yield obj, export_object(obj, name, above / obj.id, force)
 
 
 def format_named(given: str) -> str:
-    """The one of `FORMATS` that a name means.
+    """Return the one of `FORMATS` that a name means.
 
     Raises:
         UnknownNameError: none.
     """
     check_name("format", given, (*FORMATS, *_OTHER_NAMES))
     return _OTHER_NAMES.get(given, given)
+
+
+def _replace_folder(folder: Path, fill: Callable[[Path], Path], marker: dict[str, Any], force: bool) -> Path:
+    """Fill a folder under a temporary name beside its place, then move it there, and return its main file.
+
+    Args:
+        folder: its place.
+        fill: writes into the folder that it is given, and returns the path of its main file.
+        marker: what `MARKER` holds beside the names of files: `object`, the object's id, `format` and more.
+        force: as of `export_object`.
+
+    Raises:
+        ConfigError: something else is there, or the place cannot be written to.
+    """
+    _check_replaceable(folder, marker["object"], marker["format"], force)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as name:
+            new, old = Path(name) / "new", Path(name) / "old"
+            new.mkdir()
+            main = fill(new).relative_to(new)
+            files = sorted(path.relative_to(new).as_posix() for path in new.rglob("*") if path.is_file())
+            about = json.dumps(marker | {"files": files}, indent=2)
+            (new / MARKER).write_text(about + "\n", encoding="utf-8")
+            _swap(new, folder, old)
+    except OSError as error:
+        raise ConfigError(f"cannot write the folder {str(folder)!r}: {error.strerror or error}") from error
+    return folder / main
+
+
+def _check_replaceable(folder: Path, object_id: str, form: str, force: bool) -> None:
+    """Refuse to take a place that holds anything but an export of the same object in the same format.
+
+    Raises:
+        ConfigError: something else is there, and `force` is not set; a file or link, even then.
+    """
+    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+        raise ConfigError(f"cannot write the folder {str(folder)!r}: a file or link of that name is there")
+    if force or not folder.is_dir():
+        return
+    contents = _contents_to_lose(folder, object_id, form)
+    if contents:
+        raise ConfigError(
+            f"the folder {str(folder)!r} holds {contents}, so it is left alone: name another folder, "
+            f"{str(folder / object_id)!r} say, or say --force (`force=True`) to replace it with everything in it"
+        )
+
+
+def _contents_to_lose(folder: Path, object_id: str, form: str) -> str:
+    """Describe what would be lost with a folder; empty if it is only an export of this object in this format."""
+    marker = _read_marker(folder)
+    if marker is None:
+        others = [path.name for path in sorted(folder.iterdir()) if _read_marker(path) is not None]
+        if others:
+            return f"exports in folders of their own ({', '.join(others[:3])}{' ...' if others[3:] else ''})"
+        found = sorted(path.name for path in folder.iterdir())
+        return f"{found[0]!r}, which no export wrote" if found else ""
+    if marker["object"] != object_id:
+        return f"an export of {marker['object']!r}"
+    if marker["format"] != form:
+        return f"an export of {object_id!r} as {marker['format']}"
+    there = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir()}
+    added = sorted(there - {MARKER, *marker["files"]})
+    return f"{added[0]!r}, which no export wrote" if added else ""
+
+
+def _read_marker(folder: Path) -> dict[str, Any] | None:
+    """Return what an export wrote about its folder; None if no export wrote it."""
+    try:
+        with (folder / MARKER).open("rb") as file:
+            found = json.loads(file.read(_MARKER_BYTES))
+        return {
+            "object": str(found["object"]),
+            "format": str(found["format"]),
+            "files": list(map(str, found["files"])),
+        }
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return None
+
+
+def _swap(new: Path, folder: Path, old: Path) -> None:
+    """Put `new` in the place of `folder`; if that is stopped halfway, put the old one back."""
+    if folder.exists():
+        shutil.move(folder, old)
+    try:
+        shutil.move(new, folder)
+    except BaseException:  # Ctrl-C, too
+        if old.exists() and not folder.exists():
+            shutil.move(old, folder)
+        raise

@@ -13,7 +13,7 @@ import numpy as np
 from artiskill.assets.articulated_object import ArticulatedObject, Link, Material
 from artiskill.assets.kinematics import joint_values, link_poses
 from artiskill.errors import MissingExtraError
-from artiskill.exports.obj_files import FileMaterial, SurfaceFile, smooth_mesh, surface_files
+from artiskill.exports.common import FileMaterial, SurfaceFile, smooth_mesh, surface_files
 from artiskill.geometry.rotations import quat_to_matrix
 
 EXTRA = "export"

@@ -6,19 +6,25 @@ URDF cannot say is left out: springs, and that chairs and buckets stand free.
 """
 
 import json
-import math
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, Category, CollisionShape, Joint, Link
 from artiskill.assets.handles import is_handle_part
-from artiskill.exports.engine_values import Inertial, engine_values
-from artiskill.exports.obj_files import SurfaceFile, obj_text, surface_files, write_surfaces
-from artiskill.exports.xml_text import add, numbers, write_xml
-from artiskill.geometry.meshes import convex_hull
-from artiskill.geometry.rotations import quat_rotate, quat_to_matrix
+from artiskill.exports.common import (
+    SurfaceFile,
+    add,
+    compile_object,
+    numbers,
+    surface_files,
+    write_hull,
+    write_surfaces,
+    write_xml,
+)
+from artiskill.geometry.rotations import quat_rotate, quat_to_rpy
 from artiskill.scene.physics import PhysicsConfig
 
 URDF_FILE = "mobility.urdf"
@@ -34,7 +40,7 @@ def write_urdf(obj: ArticulatedObject, folder: Path) -> Path:
     files = surface_files(obj)
     write_surfaces(files, folder, _MESHES, _TEXTURES)
     labels = _part_labels(obj, files)
-    inertials = engine_values(obj, PhysicsConfig()).inertials
+    compiled = compile_object(obj, PhysicsConfig())
     root = ET.Element("robot", name=obj.id)
     # for MuJoCo, which reads URDF and would drop folders; it takes no flat surfaces; others skip the element
     compiler = {"strippath": "false", "discardvisual": "true", "fusestatic": "false"}
@@ -42,7 +48,7 @@ def write_urdf(obj: ArticulatedObject, folder: Path) -> Path:
     for index, link in enumerate(obj.links):
         element = add(root, "link", name=link.name)
         shift = -_origin(link)
-        _add_inertial(element, inertials[index], shift)
+        _add_inertial(element, compiled.model.body(compiled.bodies[index]), shift)
         for file, label in zip(files, labels, strict=True):
             if file.link == index:
                 _add_visual(element, file, label, shift)
@@ -55,32 +61,23 @@ def write_urdf(obj: ArticulatedObject, folder: Path) -> Path:
     return folder / URDF_FILE
 
 
-def rpy(quaternion: np.ndarray) -> tuple[float, float, float]:
-    """Roll, pitch and yaw about the fixed x, y, z axes of a rotation (4,)."""
-    m = quat_to_matrix(np.asarray(quaternion, dtype=float))
-    across = math.hypot(m[0, 0], m[1, 0])
-    pitch = math.atan2(-m[2, 0], across)
-    if across < 1e-9:  # looking straight up or down: only the difference of roll and yaw is determined
-        return math.atan2(-m[1, 2], m[1, 1]), pitch, 0.0
-    return math.atan2(m[2, 1], m[2, 2]), pitch, math.atan2(m[1, 0], m[0, 0])
-
-
 def _origin(link: Link) -> np.ndarray:
-    """Where URDF's frame of the link sits in ours: URDF has it on the joint's axis."""
+    """Return where URDF's frame of the link sits in ours: URDF has it on the joint's axis."""
     return np.zeros(3) if link.joint is None else np.asarray(link.joint.origin, dtype=float)
 
 
 def _add_origin(element: ET.Element, position: np.ndarray, quaternion: np.ndarray = _STILL) -> None:
-    add(element, "origin", xyz=numbers(position), rpy=numbers(rpy(quaternion)))
+    add(element, "origin", xyz=numbers(position), rpy=numbers(quat_to_rpy(quaternion)))
 
 
-def _add_inertial(link: ET.Element, inertial: Inertial, shift: np.ndarray) -> None:
-    if inertial.mass_kg <= 0:
+def _add_inertial(link: ET.Element, compiled: Any, shift: np.ndarray) -> None:
+    """Add the mass of a link, whose body in the engine's model is given; one without shapes may have none."""
+    if compiled.mass[0] <= 0:
         return
     element = add(link, "inertial")
-    _add_origin(element, inertial.position + shift, inertial.quaternion)
-    add(element, "mass", value=numbers([inertial.mass_kg]))
-    moments = {f"i{axis}{axis}": numbers([m]) for axis, m in zip("xyz", inertial.moments_kg_m2, strict=True)}
+    _add_origin(element, compiled.ipos + shift, compiled.iquat)
+    add(element, "mass", value=numbers(compiled.mass))
+    moments = {f"i{axis}{axis}": numbers([m]) for axis, m in zip("xyz", compiled.inertia, strict=True)}
     add(element, "inertia", **moments, ixy=0, ixz=0, iyz=0)
 
 
@@ -91,7 +88,7 @@ def _add_visual(link: ET.Element, file: SurfaceFile, label: str, shift: np.ndarr
 
 
 def _add_collision(link: ET.Element, name: str, shape: CollisionShape, shift: np.ndarray, folder: Path) -> None:
-    """A shape; URDF has no capsule, so that one is a cylinder and two spheres."""
+    """Add a shape; URDF has no capsule, so that one is a cylinder and two spheres."""
     centre = np.asarray(shape.position, dtype=float) + shift
     if shape.kind == "box":
         geometry = _collision_at(link, centre, shape.quaternion)
@@ -99,9 +96,8 @@ def _add_collision(link: ET.Element, name: str, shape: CollisionShape, shift: np
     elif shape.kind == "sphere":
         add(_collision_at(link, centre), "sphere", radius=numbers(shape.size[:1]))
     elif shape.kind == "hull":
-        assert shape.vertices is not None
         file = f"{_MESHES}/{name}.obj"
-        (folder / file).write_text(obj_text(convex_hull(shape.vertices).mesh), encoding="utf-8")
+        write_hull(shape, folder / file)
         add(_collision_at(link, centre, shape.quaternion), "mesh", filename=file)
     else:
         radius, half = shape.size
@@ -144,7 +140,7 @@ def _joint_type(joint: Joint | None) -> str:
 
 
 def _part_labels(obj: ArticulatedObject, files: tuple[SurfaceFile, ...]) -> list[str]:
-    """`<part>-<number>` per surface: the same number for all surfaces of one handle, else one each."""
+    """Return `<part>-<number>` per surface: the same number for all surfaces of one handle, else one each."""
     first = len(obj.handles)
     return [
         f"{file.visual.part or 'part'}-{_handle_number(obj, file) if _is_handle(obj, file) else first + k}"
@@ -157,7 +153,7 @@ def _is_handle(obj: ArticulatedObject, file: SurfaceFile) -> bool:
 
 
 def _handle_number(obj: ArticulatedObject, file: SurfaceFile) -> int:
-    """Which of the object's handles the surface belongs to: the nearest one of its link."""
+    """Return which of the object's handles the surface belongs to: the nearest one of its link."""
     middle = file.visual.mesh.bounds.mean(axis=0)
     own = [k for k, handle in enumerate(obj.handles) if handle.link == obj.links[file.link].name]
     return min(own, key=lambda k: float(np.linalg.norm(obj.handles[k].points.mean(axis=0) - middle)))
@@ -175,7 +171,7 @@ def _write_annotations(obj: ArticulatedObject, folder: Path) -> None:
 
 
 def _semantic_joint(obj: ArticulatedObject, link: Link) -> str:
-    """The data set's words for how a link moves."""
+    """Return the data set's word for how a link moves."""
     if link.parent < 0:
         return "heavy" if obj.category == "cabinet" else "free"
     if link.joint is None:
@@ -184,7 +180,7 @@ def _semantic_joint(obj: ArticulatedObject, link: Link) -> str:
 
 
 def _semantic_name(link: Link) -> str:
-    """What the link is: the part with most faces that is no handle."""
+    """Return what the link is: the part with most faces that is no handle."""
     parts = [v for v in link.visuals if v.part and not is_handle_part(v.part)]
     if link.parent < 0 or not parts:
         return "body"

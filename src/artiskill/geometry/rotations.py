@@ -3,6 +3,7 @@
 Shapes are written for one leading batch `(...)`; every function broadcasts. Quaternions are (w, x, y, z), unit.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -95,6 +96,16 @@ def quat_from_rpy(rpy_rad: Any) -> np.ndarray:
     qy = quat_from_axis_angle((0, 1, 0), pitch)
     qz = quat_from_axis_angle((0, 0, 1), yaw)
     return quat_multiply(qz, quat_multiply(qy, qx))
+
+
+def quat_to_rpy(quaternion: Any) -> tuple[float, float, float]:
+    """Return roll, pitch, yaw about the fixed x, y, z axes of a rotation (4,)."""
+    m = quat_to_matrix(np.asarray(quaternion, dtype=float))
+    across = math.hypot(m[0, 0], m[1, 0])
+    pitch = math.atan2(-m[2, 0], across)
+    if across < 1e-9:  # looking straight up or down: only the difference of roll and yaw is determined
+        return math.atan2(-m[1, 2], m[1, 1]), pitch, 0.0
+    return math.atan2(m[2, 1], m[2, 2]), pitch, math.atan2(m[1, 0], m[0, 0])
 
 
 def quat_from_matrix(matrix: Any) -> np.ndarray:

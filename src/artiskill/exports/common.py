@@ -1,26 +1,43 @@
-"""Surfaces of an object as Wavefront OBJ and MTL with PNG textures, for MJCF and URDF alike.
+"""What the formats share: surfaces as OBJ, MTL and PNG files, XML, and the object as the engine compiles it.
 
 Programs disagree on what a colour beside a texture means. A texture is therefore written with the colour
-multiplied in, and its material is white.
+multiplied in, and its material is white. OBJ is written here: with trimesh, MJCF and URDF would need the extra
+`export`, too.
 """
 
 import math
 import re
-from collections.abc import Iterator
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from artiskill.assets.articulated_object import ArticulatedObject, Material, VisualMesh
+from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape, Material, VisualMesh
 from artiskill.assets.finishes import srgb_to_linear
-from artiskill.geometry.meshes import TriMesh
+from artiskill.errors import AssetError
+from artiskill.geometry.meshes import TriMesh, convex_hull
+from artiskill.scene.object_scene import ObjectScene, build_object_scene
+from artiskill.scene.physics import PhysicsConfig
 from artiskill.sensors.normals import corner_normals
 
 MATERIALS_FILE = "materials.mtl"
 _CREASE_RAD = math.radians(40)  # rounder edges than this look smooth
 _PHONG_EXPONENT = 200.0  # of a polished surface; the importer divides by the same number
 _WHITE = (1.0, 1.0, 1.0)
+
+
+def compile_object(obj: ArticulatedObject, physics: PhysicsConfig) -> ObjectScene:
+    """Return the object alone as the engine compiles it, so that masses, inertias and contacts agree with scenes.
+
+    Raises:
+        AssetError: the engine refuses it.
+    """
+    try:
+        return build_object_scene(obj, physics, ground=False)
+    except ValueError as error:
+        raise AssetError(f"object {obj.id!r} does not compile: {error}") from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +82,7 @@ class SurfaceFile:
 
 
 def surface_files(obj: ArticulatedObject) -> tuple[SurfaceFile, ...]:
-    """Every drawn surface that has faces, with names for files; equal materials are one."""
+    """Return every drawn surface that has faces, with names for files; equal materials are one."""
     materials: dict[tuple[object, ...], FileMaterial] = {}
     files = []
     for index, link in enumerate(obj.links):
@@ -82,12 +99,10 @@ def surface_files(obj: ArticulatedObject) -> tuple[SurfaceFile, ...]:
 def write_surfaces(files: tuple[SurfaceFile, ...], folder: Path, meshes: str, textures: str) -> None:
     """Write one OBJ file per surface, one MTL file for all, and the textures.
 
-    Args:
-        files: the surfaces.
-        folder: the export's.
-        meshes: name of its sub-folder for OBJ and MTL files.
-        textures: name of its sub-folder for images.
+    `meshes` and `textures` name the sub-folders of `folder` for OBJ and MTL files and for images.
     """
+    from PIL import Image
+
     for name in (meshes, textures):
         (folder / name).mkdir(exist_ok=True)
     for file in files:
@@ -98,32 +113,41 @@ def write_surfaces(files: tuple[SurfaceFile, ...], folder: Path, meshes: str, te
     (folder / meshes / MATERIALS_FILE).write_text("\n".join(lines) + "\n", encoding="utf-8")
     for material in materials:
         if material.texture is not None:
-            _write_png(folder / textures / material.texture_file, material.texture)
+            Image.fromarray(material.texture).save(folder / textures / material.texture_file, format="PNG")
 
 
 def distinct_materials(files: tuple[SurfaceFile, ...]) -> list[FileMaterial]:
-    """Each material once, in order of first use."""
+    """Return each material once, in order of first use."""
     return list({file.material.name: file.material for file in files}.values())
 
 
 def obj_text(mesh: TriMesh, material: str | None = None) -> str:
-    """A mesh as OBJ; with a material, also normals that keep its creases, and its texture coordinates."""
-    lines = [f"v {_numbers(vertex)}" for vertex in mesh.vertices.tolist()]
-    if material is None:
-        corners: Iterator[tuple[str, ...]] = _plain_corners(mesh)
-    else:
+    """Return a mesh as OBJ; with a material, also normals that keep its creases, and its texture coordinates."""
+    lines = [f"v {numbers(vertex, 9)}" for vertex in mesh.vertices.tolist()]
+    corners = [[str(v) for v in face] for face in (mesh.faces + 1).tolist()]
+    if material is not None:
         normals, index = _distinct_normals(mesh)
-        lines = [f"mtllib {MATERIALS_FILE}", *lines, *(f"vn {_numbers(normal)}" for normal in normals.tolist())]
+        lines = [f"mtllib {MATERIALS_FILE}", *lines, *(f"vn {numbers(normal, 9)}" for normal in normals.tolist())]
         if mesh.uvs is not None:
-            lines += [f"vt {_numbers(uv)}" for uv in mesh.uvs.tolist()]
+            lines += [f"vt {numbers(uv, 9)}" for uv in mesh.uvs.tolist()]
+            corners = [[f"{v}/{v}" for v in face] for face in corners]
+        else:
+            corners = [[f"{v}/" for v in face] for face in corners]
         lines.append(f"usemtl {material}")
-        corners = _drawn_corners(mesh, index)
-    lines += ["f " + " ".join(corner) for corner in corners]
+        numbered = zip(corners, (index + 1).tolist(), strict=True)
+        corners = [[f"{v}/{n}" for v, n in zip(face, own, strict=True)] for face, own in numbered]
+    lines += ["f " + " ".join(face) for face in corners]
     return "\n".join(lines) + "\n"
 
 
+def write_hull(shape: CollisionShape, path: Path) -> None:
+    """Write the convex hull of a collision shape's vertices as OBJ."""
+    assert shape.vertices is not None
+    path.write_text(obj_text(convex_hull(shape.vertices).mesh), encoding="utf-8")
+
+
 def smooth_mesh(mesh: TriMesh) -> tuple[TriMesh, np.ndarray]:
-    """A mesh whose vertices have one unit normal each, (V, 3): those on a crease are doubled.
+    """Return a mesh whose vertices have one unit normal each, (V, 3): those on a crease are doubled.
 
     The corners of a triangle without area, as real objects have, get one that points up.
     """
@@ -136,36 +160,19 @@ def smooth_mesh(mesh: TriMesh) -> tuple[TriMesh, np.ndarray]:
 
 
 def safe_name(text: str) -> str:
-    """The text with every character that a file or XML name could stumble over replaced by `_`."""
+    """Replace every character that could break a file or XML name by `_`."""
     return re.sub(r"[^A-Za-z0-9_.]", "_", text)
 
 
-def _plain_corners(mesh: TriMesh) -> Iterator[tuple[str, ...]]:
-    for face in (mesh.faces + 1).tolist():
-        yield tuple(str(i) for i in face)
-
-
-def _drawn_corners(mesh: TriMesh, normal_index: np.ndarray) -> Iterator[tuple[str, ...]]:
-    for face, normals in zip((mesh.faces + 1).tolist(), (normal_index + 1).tolist(), strict=True):
-        if mesh.uvs is None:
-            yield tuple(f"{v}//{n}" for v, n in zip(face, normals, strict=True))
-        else:
-            yield tuple(f"{v}/{v}/{n}" for v, n in zip(face, normals, strict=True))
-
-
 def _distinct_normals(mesh: TriMesh) -> tuple[np.ndarray, np.ndarray]:
-    """Normals (N, 3) to four digits, and which of them each corner has, (F, 3)."""
+    """Return normals (N, 3) to four digits, and which of them each corner has, (F, 3)."""
     rounded = np.round(corner_normals(mesh, _CREASE_RAD), 4).reshape(-1, 3) + 0.0
     normals, index = np.unique(rounded, axis=0, return_inverse=True)
     return normals, index.reshape(-1, 3)
 
 
-def _numbers(values: list[float]) -> str:
-    return " ".join(format(value + 0.0, ".9g") for value in values)  # + 0.0: no negative zeros
-
-
 def _as_drawn(visual: VisualMesh) -> VisualMesh:
-    """The surface as our pictures show it: without texture coordinates it has its plain colour, and no texture."""
+    """Return the surface as our pictures show it: without texture coordinates it has its plain colour."""
     if visual.mesh.uvs is not None or visual.material.texture is None:
         return visual
     return replace(visual, material=replace(visual.material, texture=None))
@@ -198,17 +205,27 @@ def _mtl_lines(material: FileMaterial, textures: str) -> list[str]:
     lines = [
         f"newmtl {material.name}",
         "illum 2",
-        f"Kd {_numbers(list(material.srgb))}",
-        f"Ks {_numbers([0.5 * material.shininess] * 3)}",
-        f"Ns {format(_PHONG_EXPONENT * material.shininess, '.6g')}",
-        f"d {format(material.alpha, '.6g')}",
+        f"Kd {numbers(material.srgb, 9)}",
+        f"Ks {numbers([0.5 * material.shininess] * 3, 9)}",
+        f"Ns {numbers([_PHONG_EXPONENT * material.shininess], 6)}",
+        f"d {numbers([material.alpha], 6)}",
     ]
     if material.texture is not None:
         lines.append(f"map_Kd {textures}/{material.texture_file}")
     return [*lines, ""]
 
 
-def _write_png(path: Path, image: np.ndarray) -> None:
-    from PIL import Image
+def numbers(values: Iterable[float], digits: int = 12) -> str:
+    """Return numbers to so many significant digits, without negative zeros."""
+    return " ".join(format(float(value) + 0.0, f".{digits}g") for value in values)
 
-    Image.fromarray(image).save(path, format="PNG")
+
+def add(parent: ET.Element, tag: str, **attributes: str | int) -> ET.Element:
+    """Add a child with attributes; a trailing `_` of a name, for Python's keywords, is dropped."""
+    return ET.SubElement(parent, tag, {name.rstrip("_"): str(value) for name, value in attributes.items()})
+
+
+def write_xml(root: ET.Element, path: Path) -> None:
+    """Write an indented document."""
+    ET.indent(root)
+    path.write_bytes(ET.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n")
