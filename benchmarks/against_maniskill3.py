@@ -115,7 +115,7 @@ def their_env(mode: str, partnet: Path) -> Any:
 def our_env(mode: str, partnet: Path, vector: bool) -> Any:
     """Our environment with this cabinet."""
     from artiskill.envs.manipulation import ManipulationEnv
-    from artiskill.envs.vector.env import ManipulationVectorEnv
+    from artiskill.envs.vector_env import ManipulationVectorEnv
 
     settings = {
         "task": "OpenCabinetDrawer",

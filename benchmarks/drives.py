@@ -18,8 +18,8 @@ import mujoco
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape, Joint, Link
+from artiskill.envs.control import action_scale
 from artiskill.geometry.rotations import quat_from_axis_angle, quat_from_matrix
-from artiskill.robots.actions import action_scale
 from artiskill.robots.config import RobotConfig, load_robot
 from artiskill.robots.model import BASE_JOINTS, add_robot
 from artiskill.scene.physics import PhysicsConfig, set_joint_limits_solver, set_options

@@ -59,7 +59,7 @@ def engine_rate(env: ManipulationEnv, actions: np.ndarray) -> float:
     spent = 0.0
     for first in range(0, len(actions), EPISODE):
         env.reset(seed=first // EPISODE)
-        simulation = env._simulation
+        simulation = env.simulation
         model = simulation._models[0]
         data = mujoco.MjData(model)
         data.qpos[:], data.qvel[:] = simulation._qpos[0], simulation._qvel[0]

@@ -19,8 +19,7 @@ from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.entries import CATEGORIES
 from artiskill.scene import scene as scene_module
 from artiskill.scene.scene import Scene, build_scene
-from artiskill.sim.bare import BareEngine
-from artiskill.sim.simulation import Simulation
+from artiskill.sim.simulation import BareEngine, Simulation
 from artiskill.tasks.levels import RngStream, level_generator
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Task

@@ -19,7 +19,7 @@ import numpy as np
 
 import artiskill
 from artiskill.bench.machine import machine_facts, resident_mb
-from artiskill.envs.vector.env import ManipulationVectorEnv
+from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.jobs.parallel import run_jobs
 from artiskill.tasks.registry import task_names
 

@@ -45,7 +45,7 @@ VALUE_ROOMS = {"sensors", "tasks", "experts"}
 SIM_VALUES = ("artiskill.sim.snapshot", "artiskill.sim.states")
 TORCH_ROOMS = {"learning"}
 
-LONGEST_FILE = 350
+LONGEST_FILE = 450
 # file -> why it is one file all the same
 LONG_FILES: dict[str, str] = {}
 

@@ -23,12 +23,12 @@ _PUBLIC = {
     "load_object": "artiskill.assets.catalog",
     "evaluate": "artiskill.evaluation.evaluate",
     "ManipulationEnv": "artiskill.envs.manipulation",
-    "ManipulationVectorEnv": "artiskill.envs.vector.env",
+    "ManipulationVectorEnv": "artiskill.envs.vector_env",
     "FlattenDict": "artiskill.envs.wrappers",
     "PointCloudDownsample": "artiskill.envs.wrappers",
-    "VectorFlattenDict": "artiskill.envs.vector.wrappers",
-    "VectorPointCloudDownsample": "artiskill.envs.vector.wrappers",
-    "as_sb3": "artiskill.envs.vector.stable_baselines",
+    "VectorFlattenDict": "artiskill.envs.wrappers",
+    "VectorPointCloudDownsample": "artiskill.envs.wrappers",
+    "as_sb3": "artiskill.envs.stable_baselines",
     "warm_scenes": "artiskill.envs.warm",
 }
 __all__ = ["__version__", *sorted(_PUBLIC)]  # noqa: PLE0604 - names resolved by __getattr__

@@ -17,7 +17,7 @@ from gymnasium.utils.env_checker import check_env
 from artiskill.assets.articulated_object import Joint
 from artiskill.assets.needs import task_needs
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.modes import OBSERVATION_MODES
+from artiskill.envs.options import OBSERVATION_MODES
 from artiskill.errors import PolicyError
 from artiskill.evaluation.policies import load_policy
 from artiskill.experts.open_cabinet import OpenCabinetExpert, Phase
@@ -100,8 +100,8 @@ def toward_object(env: ManipulationEnv) -> np.ndarray:
 
 def touches_object(env: ManipulationEnv) -> bool:
     model, data = contacts_of(env)
-    robot = {model.body(name).id for name in env._simulation.scene.robot.bodies}
-    links = env._simulation.scene.index.object_bodies
+    robot = {model.body(name).id for name in env.simulation.scene.robot.bodies}
+    links = env.simulation.scene.index.object_bodies
     pairs = [{int(model.geom_bodyid[c.geom1]), int(model.geom_bodyid[c.geom2])} for c in data.contact]
     return any(pair & robot and pair & set(range(links.start, links.stop)) for pair in pairs)
 
@@ -270,7 +270,7 @@ def test_asking_twice_answers_the_same(task: str, object_id: str) -> None:
         for name in first:
             np.testing.assert_array_equal(first[name], second[name])
     np.testing.assert_array_equal(made.observe_state(snapshot, goal), made.observe_state(snapshot, goal))
-    again = env._simulation.snapshot()
+    again = env.simulation.snapshot()
     for name, value in kept.items():
         np.testing.assert_array_equal(value, getattr(snapshot, name), err_msg=name)
         np.testing.assert_array_equal(value, getattr(again, name), err_msg=name)
@@ -284,7 +284,7 @@ def test_a_batch_equals_single_environments(task: str, object_id: str, threads: 
     env = make_env(task, object_id)
     levels, actions = (3, 4, 5), random_actions(task, 3 * 25).reshape(25, 3, -1).astype(float)
     env.reset(seed=0)
-    scene, obj = env._simulation.scene, env._casting.find(env.save_state().object)
+    scene, obj = env.simulation.scene, env._casting.find(env.save_state().object)
     batch = Simulation(scene, num_envs=len(levels), num_threads=threads)
     generators = [level_generator(level, RngStream.INITIAL_STATE) for level in levels]
     batch.reset([env.task.sample_initial_state(obj, g) for g in generators])
@@ -344,14 +344,14 @@ def idle_action(env: ManipulationEnv) -> np.ndarray:
 
 
 def object_joints(env: ManipulationEnv) -> list[Joint]:
-    return [link.joint for link in env._simulation.scene.object.links if link.joint is not None]
+    return [link.joint for link in env.simulation.scene.object.links if link.joint is not None]
 
 
 def contacts_of(env: ManipulationEnv) -> tuple[mujoco.MjModel, mujoco.MjData]:
     """The engine's own view of the instant, to look at contacts."""
-    model = env._simulation.scene.model
+    model = env.simulation.scene.model
     data = mujoco.MjData(model)
-    data.qpos[:] = env._simulation._qpos[0]
+    data.qpos[:] = env.simulation._qpos[0]
     mujoco.mj_forward(model, data)
     return model, data
 

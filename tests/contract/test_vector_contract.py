@@ -10,8 +10,8 @@ from gymnasium.vector import AutoresetMode
 
 from artiskill.assets.catalog import list_objects
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.modes import OBSERVATION_MODES
-from artiskill.envs.vector.env import ManipulationVectorEnv
+from artiskill.envs.options import OBSERVATION_MODES
+from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.tasks.registry import task_names
 
 STEPS = 6  # of an episode: so that several end within a test

@@ -14,10 +14,9 @@ import pytest
 
 from artiskill.assets.catalog import load_object
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.modes import OBSERVATION_MODES
-from artiskill.envs.vector.env import ManipulationVectorEnv
-from artiskill.envs.vector.wrappers import VectorPointCloudDownsample
-from artiskill.envs.wrappers import PointCloudDownsample
+from artiskill.envs.options import OBSERVATION_MODES
+from artiskill.envs.vector_env import ManipulationVectorEnv
+from artiskill.envs.wrappers import PointCloudDownsample, VectorPointCloudDownsample
 from artiskill.errors import DivergedError
 
 TASK, OBJECTS = "OpenCabinetDrawer", ["cabinet-0001", "cabinet-0003", "cabinet-0010"]

@@ -10,7 +10,7 @@ import pytest
 
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.state import EnvState
-from artiskill.envs.vector.env import ManipulationVectorEnv
+from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.errors import ArtiSkillError, StateError
 
 TASKS = {"OpenCabinetDrawer": "cabinet-0005", "PushChair": "chair-0002", "MoveBucket": "bucket-0002"}
@@ -59,7 +59,7 @@ def bits(face: Single) -> list[bytes]:
     found = [pickle.dumps(state) for state in face.save()]
     env = face.env
     if isinstance(env, ManipulationEnv):
-        simulations, progress = [env._simulation], env._progress
+        simulations, progress = [env.simulation], env._progress
         assert env._snapshot is not None
         found.append(env._snapshot.body_position_w.tobytes())
     else:

@@ -11,7 +11,7 @@ import pytest
 from gymnasium import wrappers
 from gymnasium.wrappers import vector as vector_wrappers
 
-from artiskill.envs.modes import OBSERVATION_MODES
+from artiskill.envs.options import OBSERVATION_MODES
 
 ID, OBJECT = "ArtiSkill/OpenCabinetDrawer-v0", "cabinet-0010"
 SMALL = {"cameras.number": 1, "cameras.width": 64, "cameras.height": 48, "episode_steps": 4}

@@ -10,8 +10,8 @@ import pytest
 
 import artiskill
 from artiskill.assets.catalog import load_object
-from artiskill.envs.casting import Casting
 from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.envs.sampling import EpisodeSampler
 from artiskill.envs.state import EnvState
 from artiskill.errors import (
     ActionError,
@@ -227,7 +227,7 @@ def test_an_object_without_target_is_refused(env: ManipulationEnv) -> None:
     """Whatever the task says are its targets: nothing is drawn from none."""
     task = dataclasses.replace(env.task, targets=lambda obj: ())
     with pytest.raises(AssetError, match="'cabinet-0005' has no link that OpenCabinetDrawer could be done with"):
-        Casting(task, "cabinet-0005").draw(0)
+        EpisodeSampler(task, "cabinet-0005").draw(0)
 
 
 def test_rendering_needs_a_mode(env: ManipulationEnv) -> None:

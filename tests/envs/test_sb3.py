@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.modes import OBSERVATION_MODES
+from artiskill.envs.options import OBSERVATION_MODES
 from artiskill.envs.wrappers import FlattenDict, PointCloudDownsample
 from artiskill.errors import ConfigError
 from artiskill.tasks.registry import task_names

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.vector.env import ManipulationVectorEnv
+from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.envs.warm import warm_scenes
 from artiskill.errors import UnknownNameError
 from artiskill.scene.cache import cached_scene

@@ -15,7 +15,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.vector.env import ManipulationVectorEnv
+from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.errors import ConfigError, MissingExtraError, UnknownNameError
 
 OBJECT = "bucket-0002"

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image, ImageSequence
 
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.observation import Instant
+from artiskill.envs.observation import ObservationContext
 from artiskill.envs.rendering import Viewpoint
 from artiskill.errors import ConfigError, UnknownNameError
 from artiskill.evaluation.film import draw_instants
@@ -41,7 +41,11 @@ def test_the_usual_picture_is_nearer_than_that_of_the_environment(tmp_path: Path
     env = ManipulationEnv(TASK, objects=OBJECT, render_mode="rgb_array")
     env.reset(seed=3)
     (picture,) = draw_instants(
-        env.task, env.scene, env.save_state().target, [Instant(env.snapshot, env.goal, 0, 3, 0)], PictureStyle()
+        env.task,
+        env.scene,
+        env.save_state().target,
+        [ObservationContext(env.snapshot, env.goal, 0, 3, 0)],
+        PictureStyle(),
     )
     np.testing.assert_array_equal(shown(path), picture)
     assert (picture != env.render()).mean() > 0.2

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from artiskill.config import from_mapping, to_mapping
+from artiskill.envs.control import action_scale
 from artiskill.errors import ConfigError
 from artiskill.experts.disturbance import Disturbance, DisturbanceConfig
-from artiskill.robots.actions import action_scale
 from artiskill.robots.config import load_robot
 
 CONFIG = DisturbanceConfig((4, 9), (3, 6), base_m=0.05, yaw_rad=0.1, lift_m=0.03, arm_rad=0.2)

@@ -21,7 +21,7 @@ SIDES = ("link_0", "link_1")  # of cabinet-0006: hinges on the left and on the r
 def door_at(target: str, angle_rad: float) -> tuple[ManipulationEnv, Door]:
     env = ManipulationEnv("OpenCabinetDoor", objects="cabinet-0006", target=target)
     env.reset(seed=0)
-    simulation, goal = env._simulation, env.goal
+    simulation, goal = env.simulation, env.goal
     simulation._qpos[0, simulation.scene.index.object_qpos][goal.joint[0]] = angle_rad
     simulation._batch.forward()
     return env, door_of(simulation.snapshot(), goal)
@@ -35,9 +35,9 @@ def hand_at(door: Door, along_m: float, outward_m: float) -> Frame:
 @pytest.mark.parametrize("angle_rad", [0.0, 0.7, 2.0])
 def test_edge_and_faces_bound_what_is_drawn(target: str, angle_rad: float) -> None:
     env, door = door_at(target, angle_rad)
-    link = env._simulation.scene.object.links[int(env.goal.link[0])]
+    link = env.simulation.scene.object.links[int(env.goal.link[0])]
     drawn = np.concatenate([visual.mesh.vertices for visual in link.visuals])
-    snapshot = env._simulation.snapshot()
+    snapshot = env.simulation.snapshot()
     rotation, position = (
         a[0, int(env.goal.link[0])] for a in (snapshot.link_rotation_w, snapshot.link_position_w)
     )

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import mujoco
+import numpy as np
 import pytest
 
 from artiskill.assets.catalog import list_objects, load_object
@@ -29,7 +30,7 @@ def played(task: str, name: str, target: str, level: int, variety: bool = True) 
     env.reset(options={"level": level, "target": target})
     demonstrator, grip, done = Demonstrator(env, variety), Grip(False), False
     demonstrator.begin(env)
-    simulation, scene = env._simulation, env.scene
+    simulation, scene = env.simulation, env.scene
     model = simulation._models[0]
     data = mujoco.MjData(model)
     of_object = [
@@ -39,7 +40,7 @@ def played(task: str, name: str, target: str, level: int, variety: bool = True) 
     while not done:
         action = demonstrator.act(env)
         mujoco.mj_setState(model, data, simulation._batch.state[0], _FULL)
-        data.ctrl[:] = env.control.to_targets(env.control.check(action)[None], env.snapshot)[0]
+        data.ctrl[:] = env.control.to_targets(action[None].astype(np.float64), env.snapshot)[0]
         for _ in range(scene.physics.physics_steps_per_step):
             mujoco.mj_step(model, data)
             depths = [

@@ -41,7 +41,7 @@ def test_both_hands_follow_their_own_twists(env: ManipulationEnv) -> None:
 def test_jacobian_is_the_derivative(env: ManipulationEnv) -> None:
     """Against finite differences of the engine's own kinematics."""
     controller = WholeBodyController(env.task.robot, WholeBodyConfig(), arms=2)
-    simulation = env._simulation
+    simulation = env.simulation
     assert simulation is not None
     jacobian, h = controller.jacobian(env.snapshot), 1e-6
     saved = simulation.save()

@@ -38,7 +38,7 @@ def test_the_hand_follows_a_twist(env: ManipulationEnv) -> None:
 def test_jacobian_is_the_derivative(env: ManipulationEnv) -> None:
     """Against finite differences of the engine's own kinematics."""
     controller = WholeBodyController(env.task.robot, WholeBodyConfig())
-    simulation = env._simulation
+    simulation = env.simulation
     assert simulation is not None
     jacobian, h = controller.jacobian(env.snapshot), 1e-6
     saved = simulation.save()
@@ -174,7 +174,7 @@ def test_it_takes_a_door_again_that_falls_shut() -> None:
     def shut_it(expert: OpenCabinetExpert) -> None:
         if expert.phase is Phase.AROUND and not shut:
             shut.append(True)
-            env._simulation._qpos[0, env._simulation.scene.index.object_qpos] = 0.0
+            env.simulation._qpos[0, env.simulation.scene.index.object_qpos] = 0.0
 
     phases, success = play(env, 0, shut_it)
     assert shut
@@ -225,7 +225,7 @@ def test_another_try_is_the_usual_one(env: ManipulationEnv) -> None:
 def test_a_hand_that_goes_around_is_turned_about_where_that_spares_its_last_joint() -> None:
     env = ManipulationEnv("OpenCabinetDoor", objects="cabinet-0006")
     env.reset(seed=0)
-    simulation, last = env._simulation, 10
+    simulation, last = env.simulation, 10
     flipped = set()
     for angle in (-2.4, -1.6, -0.8, 0.0, 0.8, 1.6, 2.4):
         simulation._qpos[0, last] = angle
@@ -245,7 +245,7 @@ def test_a_hand_that_goes_around_is_turned_about_where_that_spares_its_last_join
 
 def opened(env: ManipulationEnv, value: float) -> Snapshot:
     """As it is when the target's joint is there."""
-    simulation = env._simulation
+    simulation = env.simulation
     simulation._qpos[0, simulation.scene.index.object_qpos][int(env.goal.joint[0])] = value
     simulation._batch.forward()
     return simulation.snapshot()

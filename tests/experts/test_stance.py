@@ -20,7 +20,7 @@ def test_a_turned_base_holds_the_hand_where_it_was(bearing: float) -> None:
     offset = yaw_rotation(-qpos[2]) @ (before.position - (qpos[0], qpos[1], qpos[3]))
     shoulder = np.asarray(env.task.robot.mounts[0].position_m)
     posture = Posture(qpos[4:11].copy(), offset).turned(bearing, shoulder)
-    simulation = env._simulation
+    simulation = env.simulation
     assert simulation is not None
     simulation._qpos[0, :11] = posture.joints(before)
     simulation._batch.forward()

@@ -8,6 +8,7 @@ import pytest
 
 from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape, Joint, Link
 from artiskill.config import load_config
+from artiskill.envs.control import action_scale
 from artiskill.geometry.meshes import sample_surface
 from artiskill.geometry.rotations import (
     quat_conjugate,
@@ -17,7 +18,6 @@ from artiskill.geometry.rotations import (
     quat_multiply,
     quat_rotate,
 )
-from artiskill.robots.actions import action_scale
 from artiskill.robots.arm_config import ROBOT_DIR, ArmConfig, ShapeConfig, load_arm
 from artiskill.robots.config import RobotConfig, load_robot
 from artiskill.robots.model import RobotPart, add_robot

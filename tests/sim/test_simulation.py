@@ -162,11 +162,11 @@ def test_physics_that_runs_away_is_an_error(scene: Scene, tmp_path: Path, monkey
     simulation.step(np.zeros((2, 13)))
 
 
-@pytest.mark.parametrize("way", ["spread", "restore"])
+@pytest.mark.parametrize("way", ["broadcast_state", "restore"])
 def test_a_restored_state_has_not_run_away(scene: Scene, way: str) -> None:
     simulation = Simulation(scene, num_envs=2)
     simulation.reset([start(scene, 0)] * 2)
-    good = simulation.save([0]) if way == "spread" else simulation.save()
+    good = simulation.save([0]) if way == "broadcast_state" else simulation.save()
     targets = np.zeros((2, 2, 13))
     targets[1] = np.nan
     getattr(simulation, way)(good)

@@ -44,7 +44,7 @@ for action in np.random.default_rng(0).uniform(-1, 1, (10, env.control.size)):
 assert set(info["reward_terms"]) == {"turning", "slow", "stage"}
 
 # the chair turned by hand: flags and stages follow
-task, obj = env.task, env._simulation.scene.object
+task, obj = env.task, env.simulation.scene.object
 simulation = Simulation(build_scene(task.robot, obj, task.physics))
 state = task.sample_initial_state(obj, level_generator(0, RngStream.INITIAL_STATE))
 x, y = state.root_pose_w[:2]

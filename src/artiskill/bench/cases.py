@@ -7,8 +7,7 @@ from typing import Any
 
 from artiskill.assets.catalog import resolve_objects
 from artiskill.config import check
-from artiskill.envs.modes import OBSERVATION_MODES
-from artiskill.envs.vector.options import MOST_ENVS
+from artiskill.envs.options import MAX_ENVS, OBSERVATION_MODES
 from artiskill.errors import check_name
 from artiskill.jobs.parallel import available_cores
 from artiskill.tasks.registry import task_names
@@ -44,7 +43,7 @@ class Case:
         check_name("task", self.task, task_names())
         check_name("observation mode", self.obs_mode, OBSERVATION_MODES)
         check(self.num_envs >= 1, f"num_envs must be at least 1, not {self.num_envs}")
-        check(self.num_envs <= MOST_ENVS, f"num_envs must be at most {MOST_ENVS}, not {self.num_envs}")
+        check(self.num_envs <= MAX_ENVS, f"num_envs must be at most {MAX_ENVS}, not {self.num_envs}")
         check(self.num_threads >= 1, f"threads must be at least 1, not {self.num_threads}")
         check(self.seconds > 0, f"seconds must be positive, not {self.seconds}")
         check(self.points is None or self.points >= 1, f"points must be at least 1, not {self.points}")

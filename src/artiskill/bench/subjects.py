@@ -7,18 +7,17 @@ import gymnasium as gym
 import numpy as np
 
 from artiskill.bench.cases import Case
-from artiskill.envs.casting import Casting
 from artiskill.envs.control import JOINT, Control
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.vector.env import ManipulationVectorEnv
+from artiskill.envs.sampling import EpisodeSampler
+from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.envs.vision import PointCloudObserver
 from artiskill.envs.wrappers import PointCloudDownsample
 from artiskill.scene.cache import cached_scene
 from artiskill.scene.layout import Layout
 from artiskill.scene.scene import Scene
 from artiskill.sensors.downsample import make_sampler
-from artiskill.sim.bare import BareEngine
-from artiskill.sim.simulation import Simulation
+from artiskill.sim.simulation import BareEngine, Simulation
 from artiskill.sim.states import InitialState
 from artiskill.tasks.levels import RngStream, level_generator
 from artiskill.tasks.task import Task
@@ -117,7 +116,7 @@ class Ceiling:
 
     def __init__(self, task: Task, objects: Sequence[str], num_threads: int) -> None:
         self._task, self._num_threads = task, num_threads
-        self._casting = Casting(task, list(objects))
+        self._casting = EpisodeSampler(task, list(objects))
         self._control = Control(task.robot, JOINT)
         self._groups: list[tuple[np.ndarray, BareEngine]] = []
 

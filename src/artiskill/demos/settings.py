@@ -14,7 +14,7 @@ from artiskill.errors import ArtiSkillError, ConfigError, DemoError
 from artiskill.robots.config import LIKE, RobotConfig
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.props import Prop
-from artiskill.sim.state_checks import touched_props
+from artiskill.sim.states import touched_props
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Task
 from artiskill.versions import versions

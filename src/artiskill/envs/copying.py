@@ -10,8 +10,8 @@ from typing import Any, Self
 
 import gymnasium as gym
 
-from artiskill.envs.casting import Casting
 from artiskill.envs.observation import Observer
+from artiskill.envs.sampling import EpisodeSampler
 from artiskill.tasks.task import Task
 
 
@@ -42,7 +42,7 @@ class CopiedByState:
         """Go to what `_save_episodes` told."""
         raise NotImplementedError
 
-    def _castings(self) -> tuple[Casting, ...]:
+    def _castings(self) -> tuple[EpisodeSampler, ...]:
         """What draws the objects, each once."""
         raise NotImplementedError
 

@@ -8,12 +8,12 @@ import gymnasium as gym
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.envs.casting import Casting, ObjectChoice
-from artiskill.envs.control import JOINT, Control
+from artiskill.envs.control import JOINT, Control, check_action
 from artiskill.envs.copying import CopiedByState
-from artiskill.envs.modes import OBSERVERS, RENDER_MODES, check_modes, checked_options
-from artiskill.envs.observation import Instant, Observer, empty_observation
+from artiskill.envs.observation import ObservationContext, Observer, empty_observation
+from artiskill.envs.options import OBSERVERS, RENDER_MODES, check_modes, checked_options
 from artiskill.envs.rendering import Viewpoint, WorldView
+from artiskill.envs.sampling import EpisodeSampler, ObjectChoice
 from artiskill.envs.state import EnvState, check_episode
 from artiskill.envs.window import open_window, render_modes_here
 from artiskill.errors import ConfigError, DivergedError, ResetNeededError
@@ -21,6 +21,7 @@ from artiskill.scene.cache import cached_scene
 from artiskill.scene.scene import Scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
+from artiskill.sim.states import check_state
 from artiskill.tasks.levels import MAX_LEVEL, RngStream, check_level, level_generator
 from artiskill.tasks.progress import EpisodeProgress
 from artiskill.tasks.registry import make_task
@@ -106,7 +107,7 @@ class ManipulationEnv(CopiedByState, gym.Env[Any, np.ndarray]):
         self.task = make_task(task, config)
         self._config = copy.deepcopy(config)
         self.obs_mode, self.reward_mode, self.render_mode = obs_mode, reward_mode, render_mode
-        self._casting = Casting(self.task, objects, target)
+        self._casting = EpisodeSampler(self.task, objects, target)
         self.control = Control(self.task.robot, control_mode)
         self.action_space = self.control.space
         self._simulation: Simulation | None = None
@@ -156,7 +157,7 @@ class ManipulationEnv(CopiedByState, gym.Env[Any, np.ndarray]):
             ActionError: the action has the wrong shape or values that are not finite.
             ResetNeededError: called before the first `reset`.
         """
-        action = self.control.check(action)
+        action = check_action(action, self.control.size)
         simulation = self._simulation
         if simulation is None:
             raise ResetNeededError("call reset() before step()")
@@ -243,7 +244,7 @@ class ManipulationEnv(CopiedByState, gym.Env[Any, np.ndarray]):
         obj = self._casting.find(state.object)
         self._casting.check_target(obj, state.target)
         simulation = self._simulation_of(obj)
-        simulation.check_state(state.simulation)
+        check_state(state.simulation, [simulation.scene])
         self._enter(simulation, state.target)  # all is well: from here on nothing fails
         simulation.restore(state.simulation, is_checked=True)
         self._snapshot = simulation.snapshot()
@@ -253,11 +254,16 @@ class ManipulationEnv(CopiedByState, gym.Env[Any, np.ndarray]):
         return self._observe(self._info()[0])
 
     @property
-    def scene(self) -> Scene:
-        """What is simulated now: object, robot, props."""
+    def simulation(self) -> Simulation:
+        """The physics of the episode, with B = 1."""
         if self._simulation is None:
             raise ResetNeededError("call reset() first")
-        return self._simulation.scene
+        return self._simulation
+
+    @property
+    def scene(self) -> Scene:
+        """What is simulated now: object, robot, props."""
+        return self.simulation.scene
 
     @property
     def snapshot(self) -> Snapshot:
@@ -299,7 +305,7 @@ class ManipulationEnv(CopiedByState, gym.Env[Any, np.ndarray]):
         if saved["state"] is not None:
             self.restore_state(saved["state"])
 
-    def _castings(self) -> tuple[Casting, ...]:
+    def _castings(self) -> tuple[EpisodeSampler, ...]:
         return (self._casting,)
 
     # -- inside --------------------------------------------------------------------------------------------------
@@ -322,7 +328,7 @@ class ManipulationEnv(CopiedByState, gym.Env[Any, np.ndarray]):
 
     def _observe(self, info: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
         """The observation of this instant, and `info` with what its mode adds; the window shows it, too."""
-        instant = Instant(self.snapshot, self._goal, 0, self._level, int(self._progress.elapsed[0]))
+        instant = ObservationContext(self.snapshot, self._goal, 0, self._level, int(self._progress.elapsed[0]))
         if self._window is not None:
             self._window.show(self._picture())
         observation = empty_observation(self._observer.space)

@@ -13,7 +13,7 @@ from artiskill.tasks.task import Goal, Task
 
 
 @dataclass(frozen=True, eq=False)
-class Instant:
+class ObservationContext:
     """What an observation is made of; the same instant gives the same observation.
 
     Attributes:
@@ -41,7 +41,7 @@ class Observer(Protocol):
     def enter(self, scene: Scene, target: str) -> None:
         """Get ready for episodes with this scene and target link; called whenever either changes."""
 
-    def observe(self, instant: Instant, out: Any) -> dict[str, Any]:
+    def observe(self, instant: ObservationContext, out: Any) -> dict[str, Any]:
         """Write the observation into `out`, an `empty_observation`; return what the mode adds to `info`."""
 
 
@@ -58,7 +58,7 @@ class StateObserver:
     def enter(self, scene: Scene, target: str) -> None:
         """Nothing depends on the scene."""
 
-    def observe(self, instant: Instant, out: np.ndarray) -> dict[str, Any]:
+    def observe(self, instant: ObservationContext, out: np.ndarray) -> dict[str, Any]:
         """(D,) float32, clipped to the space's bounds."""
         assert len(instant.snapshot.time_s) == 1, "of a batch, all environments are observed at once"
         self.observe_all(instant.snapshot, instant.goal, out[None])

@@ -9,7 +9,7 @@ from artiskill.tasks.registry import task_names
 
 NAMESPACE = "ArtiSkill"
 _ENTRY_POINT = "artiskill.envs.manipulation:ManipulationEnv"
-_VECTOR_ENTRY_POINT = "artiskill.envs.vector.env:ManipulationVectorEnv"
+_VECTOR_ENTRY_POINT = "artiskill.envs.vector_env:ManipulationVectorEnv"
 
 
 def register_envs() -> None:

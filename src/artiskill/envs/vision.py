@@ -10,7 +10,7 @@ from typing import Any, Literal
 import gymnasium as gym
 import numpy as np
 
-from artiskill.envs.observation import Instant
+from artiskill.envs.observation import ObservationContext
 from artiskill.errors import check_name
 from artiskill.scene.scene import Scene
 from artiskill.sensors.downsample import Sampler, make_sampler
@@ -40,7 +40,7 @@ def _renderer(scene: Scene, config: RenderConfig) -> Renderer:
     return Renderer(visuals, config)
 
 
-class Eyes:
+class CameraRig:
     """The cameras, masks and own body of a task's robot; what both visual modes share."""
 
     def __init__(self, task: Task) -> None:
@@ -59,10 +59,10 @@ class Eyes:
         self._scene = scene
         self.codes = mask_codes(self.task.masks(scene, target))
 
-    def look(self, instant: Instant) -> tuple[Sight | PictureSight, Rays, dict[str, Any]]:
+    def render(self, context: ObservationContext) -> tuple[Sight | PictureSight, Rays, dict[str, Any]]:
         """What all cameras see, their rays, and `info["cameras"]`; valid until the calling thread's next look."""
         assert self._scene is not None, "an observer is entered before it observes"
-        snapshot, row = instant.snapshot, instant.row
+        snapshot, row = context.snapshot, context.row
         base = snapshot.robot_qpos[row, :3].tolist()
         rays = self.panorama.rays(*base)
         renderer = _renderer(self._scene, self.task.render)
@@ -73,9 +73,9 @@ class Eyes:
             sight = PictureSight(renderer.render(*poses, self.panorama.cameras(rays), CHANNELS))
         return sight, rays, {"cameras": self.panorama.parameters(rays)}
 
-    def feel(self, instant: Instant, out: np.ndarray) -> None:
+    def proprioception(self, context: ObservationContext, out: np.ndarray) -> None:
         """The robot's part of the state, (38,) or (68,) float32."""
-        values = observe_robot(instant.snapshot, instant.row)[0]
+        values = observe_robot(context.snapshot, context.row)[0]
         np.minimum(np.maximum(values, -self._upper), self._upper, out=out)
 
 
@@ -89,28 +89,28 @@ class RgbdObserver:
 
     def __init__(self, task: Task) -> None:
         """Compute the space."""
-        self._eyes = eyes = Eyes(task)
+        self._rig = rig = CameraRig(task)
         c = task.cameras
         size = c.height, c.width
         rgbd: dict[str, gym.Space[Any]] = {
             "rgb": gym.spaces.Box(0, 255, (*size, 3 * c.number), np.uint8),
             "depth": gym.spaces.Box(0.0, c.far_m, (*size, c.number), np.float32),
-            "seg": gym.spaces.Box(0, 1, (*size, c.number * eyes.masks), np.bool_),
+            "seg": gym.spaces.Box(0, 1, (*size, c.number * rig.masks), np.bool_),
         }
-        self.space: gym.spaces.Dict = gym.spaces.Dict({"rgbd": gym.spaces.Dict(rgbd), "agent": eyes.agent_space})
+        self.space: gym.spaces.Dict = gym.spaces.Dict({"rgbd": gym.spaces.Dict(rgbd), "agent": rig.agent_space})
 
     def enter(self, scene: Scene, target: str) -> None:
         """Resolve the masks."""
-        self._eyes.enter(scene, target)
+        self._rig.enter(scene, target)
 
-    def observe(self, instant: Instant, out: dict[str, Any]) -> dict[str, Any]:
+    def observe(self, context: ObservationContext, out: dict[str, Any]) -> dict[str, Any]:
         """See the class."""
-        sight, _, info = self._eyes.look(instant)
-        number, height, width = self._eyes.shape
+        sight, _, info = self._rig.render(context)
+        number, height, width = self._rig.shape
         rgb = out["rgbd"]["rgb"].reshape(height, width, number, 3)
-        seg = out["rgbd"]["seg"].reshape(height, width, number, self._eyes.masks)
-        sight.channels(self._eyes.codes, rgb, out["rgbd"]["depth"], seg)
-        self._eyes.feel(instant, out["agent"])
+        seg = out["rgbd"]["seg"].reshape(height, width, number, self._rig.masks)
+        sight.channels(self._rig.codes, rgb, out["rgbd"]["depth"], seg)
+        self._rig.proprioception(context, out["agent"])
         return info
 
 
@@ -136,7 +136,7 @@ class PointCloudObserver:
             UnknownNameError: no such frame.
         """
         check_name("frame", frame, FRAMES)
-        self._eyes = eyes = Eyes(task)
+        self._rig = rig = CameraRig(task)
         self.sampler, self._frame = sampler, frame
         count = task.cameras.pixels if sampler is None else sampler.num_points
         reach = _BASE_REACH_M * math.sqrt(2.0) + abs(task.cameras.mount_height_m) + task.cameras.reach_m
@@ -145,36 +145,38 @@ class PointCloudObserver:
         cloud: dict[str, gym.Space[Any]] = {
             "xyz": gym.spaces.Box(-reach, reach, (count, 3), np.float32),
             "rgb": gym.spaces.Box(0, 255, (count, 3), np.uint8),
-            "seg": gym.spaces.Box(0, 1, (count, eyes.masks), np.bool_),
+            "seg": gym.spaces.Box(0, 1, (count, rig.masks), np.bool_),
         }
         self.space: gym.spaces.Dict = gym.spaces.Dict(
-            {"pointcloud": gym.spaces.Dict(cloud), "agent": eyes.agent_space}
+            {"pointcloud": gym.spaces.Dict(cloud), "agent": rig.agent_space}
         )
 
     def enter(self, scene: Scene, target: str) -> None:
         """Resolve the masks."""
-        self._eyes.enter(scene, target)
+        self._rig.enter(scene, target)
 
-    def observe(self, instant: Instant, out: dict[str, Any]) -> dict[str, Any]:
+    def observe(self, context: ObservationContext, out: dict[str, Any]) -> dict[str, Any]:
         """See the class."""
         cloud = out["pointcloud"]
-        self._eyes.feel(instant, out["agent"])
+        self._rig.proprioception(context, out["agent"])
         if self.sampler is None:
-            return self._all(instant, cloud)
-        return self._sampled(instant, self.sampler, cloud)
+            return self._all(context, cloud)
+        return self._sampled(context, self.sampler, cloud)
 
-    def _all(self, instant: Instant, cloud: dict[str, np.ndarray]) -> dict[str, Any]:
-        shape = self._eyes.shape
-        sight, rays, info = self._eyes.look(instant)
+    def _all(self, context: ObservationContext, cloud: dict[str, np.ndarray]) -> dict[str, Any]:
+        shape = self._rig.shape
+        sight, rays, info = self._rig.render(context)
         parts = (cloud[name].reshape(*shape, -1) for name in ("xyz", "rgb", "seg"))
-        sight.cloud(self._eyes.codes, rays, *parts)
+        sight.cloud(self._rig.codes, rays, *parts)
         return info
 
-    def _sampled(self, instant: Instant, sampler: Sampler, cloud: dict[str, np.ndarray]) -> dict[str, Any]:
+    def _sampled(
+        self, context: ObservationContext, sampler: Sampler, cloud: dict[str, np.ndarray]
+    ) -> dict[str, Any]:
         """The sampler's choice of pixels; only those become points."""
-        sight, rays, info = self._eyes.look(instant)
-        pixel_codes = sight.classified(self._eyes.codes, rays)
-        generator = level_generator(instant.level, RngStream.POINTS, instant.elapsed)
+        sight, rays, info = self._rig.render(context)
+        pixel_codes = sight.classified(self._rig.codes, rays)
+        generator = level_generator(context.level, RngStream.POINTS, context.elapsed)
         chosen = sampler.choose(pixel_codes, lambda pixels: sight.positions(pixels, rays), generator)
         found = len(chosen)
         for part in cloud.values():
@@ -182,7 +184,7 @@ class PointCloudObserver:
         xyz = cloud["xyz"]
         sight.points(chosen, rays, pixel_codes, xyz[:found], cloud["rgb"][:found], cloud["seg"][:found])
         if self._frame != "world":
-            move_to_frame(xyz[:found], *_frame_pose(self._frame, instant))
+            move_to_frame(xyz[:found], *_frame_pose(self._frame, context))
         return info
 
 
@@ -196,9 +198,9 @@ def sampled_points(task: Task, method: str, num_points: int, frame: str, **setti
     return PointCloudObserver(task, make_sampler(method, num_points, settings), frame)
 
 
-def _frame_pose(frame: str, instant: Instant) -> tuple[np.ndarray, np.ndarray]:
+def _frame_pose(frame: str, context: ObservationContext) -> tuple[np.ndarray, np.ndarray]:
     """Origin (3,) and axes as columns (3, 3), in the world."""
-    snapshot, row = instant.snapshot, instant.row
+    snapshot, row = context.snapshot, context.row
     if frame == "end_effector":
         return snapshot.tool_position_w[row, 0], np.ascontiguousarray(snapshot.tool_rotation_w[row, 0])
     x, y, yaw = snapshot.robot_qpos[row, :3].tolist()

@@ -5,10 +5,10 @@ from functools import partial
 from typing import Any
 
 from artiskill.assets.catalog import load_object
-from artiskill.envs.casting import Casting, ObjectChoice
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.modes import CONTROL_MODES
-from artiskill.envs.vector.env import ManipulationVectorEnv
+from artiskill.envs.options import CONTROL_MODES
+from artiskill.envs.sampling import EpisodeSampler, ObjectChoice
+from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.envs.wrappers import PointCloudDownsample
 from artiskill.scene.cache import CAPACITY, cached_scene
 from artiskill.sensors.downsample import SAMPLERS
@@ -37,7 +37,7 @@ def warm_scenes(task: str, objects: ObjectChoice = "train", config: Mapping[str,
         ConfigError: an unknown or illegal configuration value.
     """
     made = make_task(task, config)
-    choices = Casting(made, objects).choices[:CAPACITY]
+    choices = EpisodeSampler(made, objects).choices[:CAPACITY]
     for choice in choices:
         obj = load_object(choice) if isinstance(choice, str) else choice
         cached_scene(made.robot, obj, made.physics, made.props)

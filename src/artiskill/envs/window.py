@@ -8,7 +8,7 @@ from weakref import WeakSet
 
 import numpy as np
 
-from artiskill.envs.modes import HUMAN, RENDER_MODES
+from artiskill.envs.options import HUMAN, RENDER_MODES
 from artiskill.errors import ConfigError, MissingExtraError
 
 EXTRA = "viewer"

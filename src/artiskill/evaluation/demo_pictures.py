@@ -8,7 +8,7 @@ from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.config import check
 from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.trajectory import Trajectory
-from artiskill.envs.observation import Instant
+from artiskill.envs.observation import ObservationContext
 from artiskill.evaluation.film import draw_instants
 from artiskill.evaluation.pictures import check_picture, write_picture
 from artiskill.evaluation.scene_pictures import PictureStyle
@@ -88,11 +88,11 @@ def _strip(
     env = file.make_env(obj=obj)
     env.reset(options={"level": trajectory.level, "object": obj, "target": trajectory.target})
     steps = np.linspace(0, len(trajectory), moments).astype(int).tolist()
-    instants = [Instant(env.snapshot, env.goal, 0, trajectory.level, 0)]
+    instants = [ObservationContext(env.snapshot, env.goal, 0, trajectory.level, 0)]
     for step, action in enumerate(trajectory.actions, start=1):
         env.step(action)
         if step in steps:
-            instants.append(Instant(env.snapshot, env.goal, 0, trajectory.level, step))
+            instants.append(ObservationContext(env.snapshot, env.goal, 0, trajectory.level, step))
     seconds = [instant.elapsed * env.snapshot.step_s for instant in instants]
     captions = [f"level {trajectory.level}, {trajectory.target}, {time_s:.1f} s" for time_s in seconds]
     return beside(list(draw_instants(env.task, env.scene, trajectory.target, instants, style, captions)))

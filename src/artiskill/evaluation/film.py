@@ -12,7 +12,7 @@ import numpy as np
 
 from artiskill.assets.handles import is_handle_part
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.observation import Instant
+from artiskill.envs.observation import ObservationContext
 from artiskill.envs.rendering import Viewpoint
 from artiskill.evaluation.scene_pictures import PictureStyle, ScenePainter
 from artiskill.evaluation.video import caption, caption_share
@@ -67,7 +67,7 @@ class Film:
     """
 
     def __init__(self, style: PictureStyle) -> None:
-        self.instants: list[Instant] = []
+        self.instants: list[ObservationContext] = []
         self._style = style
         self._captions: list[str] = []
         self._env: ManipulationEnv | None = None
@@ -77,7 +77,7 @@ class Film:
         self._env = env
         if done or steps % STEPS_PER_FRAME == 0:
             level = env.save_state().level
-            self.instants.append(Instant(env.snapshot, env.goal, 0, level, steps))
+            self.instants.append(ObservationContext(env.snapshot, env.goal, 0, level, steps))
             self._captions.append(episode_caption(env, done))
 
     def draw(self, on_frame: Callable[[FrameDrawn], Any] | None = None) -> list[np.ndarray]:
@@ -102,7 +102,7 @@ def draw_instants(
     task: Task,
     scene: Scene,
     target: str,
-    instants: Sequence[Instant],
+    instants: Sequence[ObservationContext],
     style: PictureStyle,
     captions: Sequence[str] = (),
     calm_frames: int = 0,

@@ -12,7 +12,7 @@ from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object, resolve_objects
 from artiskill.envs.control import JOINT
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.observation import Instant
+from artiskill.envs.observation import ObservationContext
 from artiskill.envs.rendering import HEIGHT, WIDTH, Viewpoint
 from artiskill.errors import ConfigError, shown
 from artiskill.evaluation.episodes import play_steps, run_episode
@@ -105,7 +105,7 @@ def picture_episode(path: Path | str, episode: EpisodeChoice, style: PictureStyl
     )
     if not moving or actor is None:
         play_steps(env, actor, level, step)
-        instants = [Instant(env.snapshot, env.goal, 0, level, step)]
+        instants = [ObservationContext(env.snapshot, env.goal, 0, level, step)]
         return write_picture(path, *draw_instants(env.task, env.scene, env.save_state().target, instants, style))
     film = Film(style)
     run_episode(env, actor, level, film.watch)

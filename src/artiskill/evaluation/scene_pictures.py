@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from artiskill.envs.observation import Instant, empty_observation
+from artiskill.envs.observation import ObservationContext, empty_observation
 from artiskill.envs.rendering import HEIGHT, WIDTH, Viewpoint, WorldView
 from artiskill.envs.vision import PointCloudObserver
 from artiskill.errors import ConfigError, UnknownNameError
@@ -85,7 +85,7 @@ class ScenePainter:
         self._observer = PointCloudObserver(task)
         self._observer.enter(scene, target)
 
-    def draw(self, instant: Instant, camera: Camera | None = None) -> np.ndarray:
+    def draw(self, instant: ObservationContext, camera: Camera | None = None) -> np.ndarray:
         """The picture, (H, W, 3) uint8; all views but `sensor` need a camera."""
         view, masks = self._style.view, self._style.masks
         if view == "sensor":
@@ -101,13 +101,13 @@ class ScenePainter:
         strips = [self._draw_strip(cloud, False), self._draw_strip(cloud, True), depth]
         return below([upper, *(of_width(strip, upper.shape[1]) for strip in strips)])
 
-    def _see(self, instant: Instant) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    def _see(self, instant: ObservationContext) -> tuple[dict[str, np.ndarray], np.ndarray]:
         """What the robot's cameras see, as a full cloud, and (C, 4, 4) world to camera."""
         observation = empty_observation(self._observer.space)
         info = self._observer.observe(instant, observation)
         return observation["pointcloud"], info["cameras"]["world_to_camera"]
 
-    def _draw_world(self, instant: Instant, camera: Camera, masks: bool) -> np.ndarray:
+    def _draw_world(self, instant: ObservationContext, camera: Camera, masks: bool) -> np.ndarray:
         images = self._world.images(instant.snapshot, ("rgb", "geom") if masks else ("rgb",), camera=camera)
         if not masks:
             return images.rgb[0]

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from artiskill.envs.control import CONTROL_MODES, JOINT
-from artiskill.envs.modes import OBSERVATION_MODES
+from artiskill.envs.options import OBSERVATION_MODES
 from artiskill.errors import PolicyError, UnknownNameError, shown
 from artiskill.files import read_bytes
 

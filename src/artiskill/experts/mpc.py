@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from artiskill.config import CONFIG_DIR, check_positive, check_value, load_config
+from artiskill.envs.control import ActionScale
 from artiskill.errors import DivergedError
-from artiskill.robots.actions import ActionScale
 from artiskill.scene.scene import Scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
@@ -144,7 +144,7 @@ class Planner:
 
     def _values(self, state: SimulationState, actions: np.ndarray) -> np.ndarray:
         """(N,) discounted rewards of action sequences (N, H, A) from a state; -inf where the physics diverges."""
-        self._simulation.spread(state)
+        self._simulation.broadcast_state(state)
         targets, rewards, diverged = self._scale.to_targets(actions), [], set[int]()
         for k in range(actions.shape[1]):
             try:

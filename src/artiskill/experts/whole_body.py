@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from artiskill.config import check_not_negative, check_positive
-from artiskill.robots.actions import ActionScale, action_scale
+from artiskill.envs.control import ActionScale, action_scale
 from artiskill.robots.arm_config import load_arm
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot

@@ -6,7 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from artiskill.envs.vector.env import ManipulationVectorEnv
+from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.errors import AssetError, ConfigError, ResetNeededError, UnknownNameError
 
 TASK = "OpenCabinetDrawer"

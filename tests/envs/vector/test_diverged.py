@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from artiskill.envs.vector.env import ManipulationVectorEnv
+from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.errors import DivergedError, ResetNeededError
 
 CHAIRS = ["chair-0001", "chair-0002", "chair-0002"]  # of two layouts

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.vector.env import ManipulationVectorEnv
-from artiskill.envs.vector.stable_baselines import as_sb3
-from artiskill.envs.vector.wrappers import VectorFlattenDict
+from artiskill.envs.stable_baselines import as_sb3
+from artiskill.envs.vector_env import ManipulationVectorEnv
+from artiskill.envs.wrappers import VectorFlattenDict
 from artiskill.errors import ConfigError
 
 TASK = "OpenCabinetDrawer"

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.vector.env import ManipulationVectorEnv
 from artiskill.envs.vector.observation import row_of
-from artiskill.envs.vector.wrappers import VectorPointCloudDownsample
-from artiskill.envs.wrappers import PointCloudDownsample
+from artiskill.envs.vector_env import ManipulationVectorEnv
+from artiskill.envs.wrappers import PointCloudDownsample, VectorPointCloudDownsample
 
 ENVS, LEVELS, STEPS = 4, (3, 1, 4, 9), 2
 TASKS = {"OpenCabinetDrawer": "cabinet-0003", "MoveBucket": "bucket-0004"}

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from gymnasium.wrappers.vector import ArrayConversion
 
-from artiskill.envs.modes import OBSERVATION_MODES
+from artiskill.envs.options import OBSERVATION_MODES
 
 ID, OBJECTS = "ArtiSkill/OpenCabinetDrawer-v0", ["cabinet-0001", "cabinet-0010"]
 SMALL = {"cameras.number": 1, "cameras.width": 64, "cameras.height": 48, "episode_steps": 3}

@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 
 from artiskill.assets.catalog import load_object
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.vector.env import ManipulationVectorEnv
+from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.errors import ActionError, ConfigError, ResetNeededError, StateError, UnknownNameError
 
 TASK = "OpenCabinetDrawer"

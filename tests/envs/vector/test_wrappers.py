@@ -5,9 +5,13 @@ import numpy as np
 import pytest
 
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.vector.env import ManipulationVectorEnv
-from artiskill.envs.vector.wrappers import VectorFlattenDict, VectorPointCloudDownsample
-from artiskill.envs.wrappers import FlattenDict, PointCloudDownsample
+from artiskill.envs.vector_env import ManipulationVectorEnv
+from artiskill.envs.wrappers import (
+    FlattenDict,
+    PointCloudDownsample,
+    VectorFlattenDict,
+    VectorPointCloudDownsample,
+)
 from artiskill.errors import ConfigError
 
 TASK = "OpenCabinetDrawer"

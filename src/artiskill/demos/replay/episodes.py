@@ -13,7 +13,7 @@ from artiskill.envs.control import Control
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import DivergedError
 from artiskill.scene.cache import cached_scene
-from artiskill.sim.placing import placed
+from artiskill.sim.states import with_values
 
 _DIGEST_STEPS = 10  # states are compared so often, and at the end: what differs once stays different
 
@@ -157,7 +157,7 @@ def restore(
             state = trajectory.env_state(step)
         else:
             values = {name: value[step] for name, value in states.items()}
-            simulation = placed(state.simulation, scene, values, env.snapshot)
+            simulation = with_values(state.simulation, scene, values, env.snapshot)
             state = replace(state, simulation=simulation, elapsed=step)
         observation, _ = env.restore_state(state)
         k = step - 1

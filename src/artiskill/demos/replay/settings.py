@@ -9,7 +9,7 @@ from artiskill.config import check, differing, to_mapping
 from artiskill.demos.settings import Settings
 from artiskill.envs.control import CONTROL_MODES
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.modes import OBSERVATION_MODES
+from artiskill.envs.options import OBSERVATION_MODES
 from artiskill.envs.vision import FRAMES
 from artiskill.envs.wrappers import PointCloudDownsample
 from artiskill.errors import ConfigError, check_name, shown

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from artiskill.envs.options import per_env
 from artiskill.envs.vector.episodes import Episodes
-from artiskill.envs.vector.options import per_env
 from artiskill.errors import ConfigError, ResetNeededError
 
 # Gymnasium's names of what one environment has -> ours of the vector's

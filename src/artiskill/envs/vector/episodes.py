@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium.utils import seeding
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.envs.casting import Casting, ObjectChoice
+from artiskill.envs.sampling import EpisodeSampler, ObjectChoice
 from artiskill.envs.vector.fleet import Fleet, Start
 from artiskill.scene.cache import cached_scene
 from artiskill.scene.scene import Scene
@@ -39,7 +39,7 @@ class Episodes:
         terms: name -> (B,) unweighted reward terms now.
     """
 
-    def __init__(self, task: Task, castings: Sequence[Casting], num_threads: int) -> None:
+    def __init__(self, task: Task, castings: Sequence[EpisodeSampler], num_threads: int) -> None:
         self.task, self.castings = task, list(castings)
         count = len(castings)
         self.fleet = Fleet(count, num_threads)
@@ -107,7 +107,7 @@ class Episodes:
             UnknownNameError, AssetError: as of a new environment; nothing has changed then.
         """
         castings = zip(self.castings, choices, strict=True)
-        self.castings = [Casting(self.task, choice, casting.fixed_target) for casting, choice in castings]
+        self.castings = [EpisodeSampler(self.task, choice, casting.fixed_target) for casting, choice in castings]
 
     def _begin(self, obj: ArticulatedObject, target: str, level: int) -> Start:
         state = self.task.sample_initial_state(obj, level_generator(level, RngStream.INITIAL_STATE))

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import gymnasium as gym
 import numpy as np
 
-from artiskill.envs.observation import Instant, Observer, StateObserver
+from artiskill.envs.observation import ObservationContext, Observer, StateObserver
 from artiskill.envs.vector.fleet import Fleet
 from artiskill.scene.scene import Scene
 from artiskill.tasks.task import Task
@@ -91,7 +91,7 @@ class VectorVisionObserver:
 
         def see(env: int) -> dict[str, Any]:
             squad = fleet.squad_of(env)
-            instant = Instant(
+            instant = ObservationContext(
                 squad.snapshot, squad.goal, int(fleet.slot[env]), int(levels[env]), int(elapsed[env])
             )
             return self._observers[env].observe(instant, row_of(out, env))

@@ -6,7 +6,7 @@ from typing import Any
 from artiskill.envs.state import EnvState, check_episode
 from artiskill.envs.vector.episodes import Episodes
 from artiskill.errors import DivergedError, ResetNeededError
-from artiskill.sim.state_checks import check_state
+from artiskill.sim.states import check_state
 
 
 def save_env(episodes: Episodes, env: int) -> EnvState:

@@ -1,4 +1,4 @@
-"""Casting: which object and which target link an episode has, out of what the user allows."""
+"""EpisodeSampler: which object and which target link an episode has, out of what the user allows."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,7 +15,7 @@ _KNOWN = 64  # objects that are remembered
 ObjectChoice = str | ArticulatedObject | Sequence[str | ArticulatedObject]
 
 
-class Casting:
+class EpisodeSampler:
     """Draws object and target of a level.
 
     Args:

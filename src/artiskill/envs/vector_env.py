@@ -10,19 +10,16 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
-from artiskill.envs.casting import Casting, ObjectChoice
-from artiskill.envs.control import JOINT, Control
+from artiskill.envs.control import JOINT, Control, check_actions
 from artiskill.envs.copying import CopiedByState
-from artiskill.envs.modes import OBSERVERS, VECTOR_RENDER_MODES, check_modes, checked_options
 from artiskill.envs.observation import Observer, StateObserver
-from artiskill.envs.state import EnvState
-from artiskill.envs.vector.attributes import SINGLE, EnvAttributes
-from artiskill.envs.vector.episodes import Episodes
-from artiskill.envs.vector.info import only, with_masks
-from artiskill.envs.vector.observation import VectorObserver, VectorStateObserver, VectorVisionObserver
-from artiskill.envs.vector.options import (
+from artiskill.envs.options import (
+    OBSERVERS,
     RESET_OPTIONS,
+    VECTOR_RENDER_MODES,
     as_autoreset_mode,
+    check_modes,
+    checked_options,
     env_count,
     env_number,
     per_env,
@@ -30,11 +27,16 @@ from artiskill.envs.vector.options import (
     reset_seeds,
     thread_count,
 )
+from artiskill.envs.sampling import EpisodeSampler, ObjectChoice
+from artiskill.envs.state import EnvState
+from artiskill.envs.vector.attributes import SINGLE, EnvAttributes
+from artiskill.envs.vector.episodes import Episodes
+from artiskill.envs.vector.info import only, with_masks
+from artiskill.envs.vector.observation import VectorObserver, VectorStateObserver, VectorVisionObserver
 from artiskill.envs.vector.sight import Sight
 from artiskill.envs.vector.state import restore_all, restore_env, save_all, save_env
 from artiskill.envs.vector.views import WorldViews
 from artiskill.errors import Cause, ConfigError, DivergedError, ResetNeededError
-from artiskill.robots.actions import check_actions
 from artiskill.tasks.levels import check_level
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Task
@@ -93,7 +95,7 @@ class ManipulationVectorEnv(CopiedByState, gym.vector.VectorEnv[Any, Any, Any]):
         self.autoreset_mode = as_autoreset_mode(autoreset_mode)
         self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
         each = [objects] if env_objects is None else per_env("env_objects", env_objects, num_envs)
-        castings = [Casting(self.task, choice, target) for choice in each]
+        castings = [EpisodeSampler(self.task, choice, target) for choice in each]
         self.control = Control(self.task.robot, control_mode)
         self.single_action_space = self.control.space
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -340,5 +342,5 @@ class ManipulationVectorEnv(CopiedByState, gym.vector.VectorEnv[Any, Any, Any]):
         if saved["closed"]:
             self._sight.close()
 
-    def _castings(self) -> tuple[Casting, ...]:
+    def _castings(self) -> tuple[EpisodeSampler, ...]:
         return tuple({id(casting): casting for casting in self._episodes.castings}.values())

@@ -8,8 +8,8 @@ import pytest
 from artiskill.assets.catalog import load_object
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.scene.cache import cached_scene
-from artiskill.sim.placing import placed
 from artiskill.sim.snapshot import Snapshot
+from artiskill.sim.states import with_values
 
 NAMES = ("robot_qpos", "robot_qvel", "object_qpos", "object_qvel", "root_velocity_w", "prop_position_w")
 
@@ -36,7 +36,7 @@ def test_everything_is_where_it_was(task: str, object_id: str) -> None:
     wanted = env.snapshot
     obj = load_object(object_id)
     scene = cached_scene(env.task.robot, obj, env.task.physics, env.task.props)
-    state = placed(start.simulation, scene, values_of(wanted, len(obj.joints)), before)
+    state = with_values(start.simulation, scene, values_of(wanted, len(obj.joints)), before)
     env.restore_state(replace(start, simulation=state))
     found = env.snapshot
     for name in (*NAMES, "prop_velocity_w", "link_position_w", "link_quaternion_w", "previous_link_position_w"):

@@ -1,20 +1,61 @@
-"""What callers of a vector environment may give per environment: seeds, options, masks."""
+"""What callers may ask for: modes by name, options of a reset, and what a vector takes for each environment."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.envs.control import CONTROL_MODES
+from artiskill.envs.observation import Observer, StateObserver
+from artiskill.envs.vision import PointCloudObserver, RgbdObserver
 from artiskill.errors import ConfigError, check_name, shown
 from artiskill.jobs.parallel import available_cores
 from artiskill.tasks.levels import check_level
+from artiskill.tasks.task import Task
 
-MOST_ENVS = 65_536  # each takes about 1 MB
+OBSERVERS: dict[str, Callable[[Task], Observer]] = {
+    "state": StateObserver,
+    "pointcloud": PointCloudObserver,
+    "rgbd": RgbdObserver,
+}
+OBSERVATION_MODES: tuple[str, ...] = tuple(OBSERVERS)
+REWARD_MODES: tuple[str, ...] = ("dense", "sparse")
+VECTOR_RENDER_MODES: tuple[str, ...] = ("rgb_array",)
+HUMAN = "human"
+RENDER_MODES: tuple[str, ...] = (*VECTOR_RENDER_MODES, HUMAN)
+MAX_ENVS = 65_536  # each takes about 1 MB
 RESET_OPTIONS = ("level", "object", "target", "reset_mask")
 _MODES = {mode.name.lower(): mode for mode in AutoresetMode}
 _VALUES = tuple(mode.value for mode in AutoresetMode)
+
+
+def check_modes(
+    observation: str, reward: str, control: str, render: str | None, legal_render: tuple[str, ...] = RENDER_MODES
+) -> None:
+    """Raise UnknownNameError unless all are legal."""
+    check_name("observation mode", observation, OBSERVATION_MODES)
+    check_name("reward mode", reward, REWARD_MODES)
+    check_name("control mode", control, CONTROL_MODES)
+    if render is not None:
+        check_name("render mode", render, legal_render)
+
+
+def checked_options(given: object, legal: tuple[str, ...]) -> dict[str, Any]:
+    """The options of a `reset`, as a dictionary of the caller's own.
+
+    Raises:
+        ConfigError: they are no mapping.
+        UnknownNameError: an unknown option.
+    """
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping):
+        raise ConfigError(f"reset options are a mapping with the keys {', '.join(legal)}, not {shown(given)}")
+    for key in given:
+        check_name("reset option", key, legal)
+    return dict(given)
 
 
 def as_autoreset_mode(given: AutoresetMode | str) -> AutoresetMode:
@@ -111,8 +152,8 @@ def env_count(given: Any) -> int:
         ConfigError: as `at_least_one`, or more than memory could hold.
     """
     count = at_least_one("num_envs", given)
-    if count > MOST_ENVS:
-        raise ConfigError(f"num_envs must be at most {MOST_ENVS}, not {shown(count)}")
+    if count > MAX_ENVS:
+        raise ConfigError(f"num_envs must be at most {MAX_ENVS}, not {shown(count)}")
     return count
 
 
