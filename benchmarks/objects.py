@@ -13,7 +13,8 @@ import time
 from pathlib import Path
 
 import artiskill
-from artiskill.assets.entries import CATEGORIES, SPLITS, read_catalog
+from artiskill.assets.articulated_object import CATEGORIES
+from artiskill.assets.catalog import SPLITS, read_catalog
 from artiskill.assets.similarity import describe, nearest_neighbours
 
 GOALS = {"whole catalogue": 90.0, "one object": 1.0, "cached load": 0.030}  # seconds, at most

@@ -15,8 +15,7 @@ from unittest import mock
 import numpy as np
 
 import artiskill
-from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.entries import CATEGORIES
+from artiskill.assets.articulated_object import CATEGORIES, ArticulatedObject
 from artiskill.scene import scene as scene_module
 from artiskill.scene.scene import Scene, build_scene
 from artiskill.sim.simulation import BareEngine, Simulation

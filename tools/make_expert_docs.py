@@ -11,8 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from artiskill.assets.catalog import load_object
-from artiskill.assets.entries import SPLITS
+from artiskill.assets.catalog import SPLITS, load_object
 from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.demos import Demos
 from artiskill.demos.header import TargetCount

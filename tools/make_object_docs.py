@@ -6,8 +6,8 @@ With `--check` it changes nothing and fails if the page's tables are not those o
 import sys
 from pathlib import Path
 
-from artiskill.assets.catalog import list_objects, load_object
-from artiskill.assets.entries import CATEGORIES, SPLITS
+from artiskill.assets.articulated_object import CATEGORIES
+from artiskill.assets.catalog import SPLITS, list_objects, load_object
 from artiskill.assets.similarity import Descriptor, describe, nearest_neighbour
 from artiskill.gallery.charts import category_chart
 from artiskill.gallery.facts import ObjectFacts, object_facts

@@ -8,11 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from artiskill.assets.articulated_object import Category
+from artiskill.assets.articulated_object import CATEGORIES, Category
 from artiskill.assets.cabinets import default_cabinet_config
-from artiskill.assets.catalog import list_objects, load_object, resolve_objects
-from artiskill.assets.draws import form_and_detail
-from artiskill.assets.entries import CATALOG_DIR, CATEGORIES, SPLITS, read_catalog
+from artiskill.assets.catalog import SPLITS, list_objects, load_object, read_catalog, resolve_objects
+from artiskill.assets.generators import form_and_detail
 from artiskill.assets.needs import TASK_NEEDS, task_needs
 from artiskill.errors import ArtiSkillError, AssetError, UnknownNameError
 
@@ -50,7 +49,7 @@ def assert_entry_holds(object_id: str) -> None:
     obj = load_object(object_id)
     assert obj.id == object_id
     assert obj.content_hash == entry.content_hash, (
-        f"{object_id} has changed; if that is meant, make the catalogue anew: python -m artiskill.assets.selection"
+        f"{object_id} has changed; if that is meant, make the catalogue anew: python tools/select_objects.py"
     )
     assert obj.metadata["family"] == entry.family
     assert obj.metadata["held_out"] is (entry.split == "ood")
@@ -98,16 +97,6 @@ def test_entry_loads_and_matches_its_hash(object_id: str) -> None:
 def test_every_entry_loads_and_matches_its_hash() -> None:
     for object_id in list_objects():
         assert_entry_holds(object_id)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("category", CATEGORIES)
-def test_selection_chooses_the_same_catalogue_again(category: Category) -> None:
-    from artiskill.assets.selection import catalog_yaml, select
-
-    assert catalog_yaml(category, select(category)) == (CATALOG_DIR / f"{category}.yaml").read_text(
-        encoding="utf-8"
-    )
 
 
 def test_loading_twice_gives_the_same_object() -> None:

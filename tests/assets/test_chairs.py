@@ -12,14 +12,13 @@ import yaml
 
 from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape
 from artiskill.assets.chairs import (
+    GENERATOR,
     ChairConfig,
     ChairSpec,
     default_chair_config,
-    generate_chair,
     sample_chair,
 )
-from artiskill.assets.kinematics import link_poses
-from artiskill.assets.volumes import shapes_volume_m3
+from artiskill.assets.kinematics import link_poses, shapes_volume_m3
 from artiskill.checks.runner import check_object
 from artiskill.config import dump_yaml, from_mapping, to_mapping
 from artiskill.errors import AssetError, ConfigError
@@ -40,7 +39,7 @@ COLUMN_FRICTION, COLUMN_DAMPING = 0.1, 10.0
 
 
 def make(seed: int, held_out: bool = False) -> ArticulatedObject:
-    return generate_chair(seed, f"test-{seed}", held_out)
+    return GENERATOR.make(seed, f"test-{seed}", held_out)
 
 
 def draw(seed: int, held_out: bool = False) -> ChairSpec:
@@ -73,7 +72,7 @@ def test_same_seed_same_object_and_other_seed_another() -> None:
 
 
 def test_content_hash_is_the_same_in_another_process() -> None:
-    code = "from artiskill.assets.chairs import generate_chair as f; print(f(7, 'c').content_hash)"
+    code = "from artiskill.assets.chairs import GENERATOR as g; print(g.make(7, 'c').content_hash)"
     found = {
         subprocess.run(
             [sys.executable, "-c", code], capture_output=True, text=True, check=True, env={"PYTHONHASHSEED": seed}

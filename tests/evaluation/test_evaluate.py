@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import artiskill
-from artiskill.assets.entries import read_catalog
+from artiskill.assets.catalog import read_catalog
 from artiskill.errors import ArtiSkillError, AssetError, ConfigError, PolicyError, UnknownNameError
 from artiskill.evaluation.episodes import EpisodeResult
 from artiskill.evaluation.evaluate import evaluate

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from artiskill.assets.cabinets import generate_cabinet
+from artiskill.assets.cabinets import GENERATOR
 from artiskill.tasks.goals import stack_goals
 from artiskill.tasks.open_cabinet.goal import OpenGoal, make_open_goal
 
@@ -10,7 +10,7 @@ from artiskill.tasks.open_cabinet.goal import OpenGoal, make_open_goal
 def goal_with(kind: str, grasps: int) -> OpenGoal:
     """The goal of the first drawer or door with such a handle."""
     for seed in range(200):
-        obj = generate_cabinet(seed, f"cabinet-{seed}")
+        obj = GENERATOR.make(seed, f"cabinet-{seed}")
         for handle in obj.handles:
             if handle.kind == kind and len(handle.grasp_positions) == grasps:
                 return make_open_goal(obj, handle.link, 0.9)

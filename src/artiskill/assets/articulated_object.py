@@ -5,15 +5,15 @@ frame has z up and the ground at z = 0 when the object stands as it should; cabi
 are float64 unless said otherwise and must be treated as read-only.
 """
 
+import hashlib
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
-from artiskill.assets.content_hash import content_hash
 from artiskill.errors import AssetError, UnknownNameError, shown
 from artiskill.geometry.arrays import norm
 from artiskill.geometry.meshes import TriMesh
@@ -22,6 +22,7 @@ Category = Literal["cabinet", "chair", "bucket"]
 JointKind = Literal["prismatic", "revolute"]
 ShapeKind = Literal["box", "cylinder", "capsule", "sphere", "hull"]
 
+CATEGORIES: tuple[Category, ...] = get_args(Category)
 ROOM_WALL = "room_wall"  # link and part
 LEGAL_ID = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]*")  # files and folders are called by it: no `..`
 _UNIT_TOLERANCE = 1e-6
@@ -233,8 +234,8 @@ class ArticulatedObject:
 
     @cached_property
     def content_hash(self) -> str:
-        """Hex digest over every number, to a nanometre or nanoradian, and every name but the id."""
-        return content_hash(self.category, self.links, self.handles, self.bounds, self.metadata)
+        """Hex digest over every number, to a nanometre or nanoradian, and every name except the id."""
+        return _content_hash(self.category, self.links, self.handles, self.bounds, self.metadata)
 
     def link_index(self, name: str) -> int:
         """Index of a link.
@@ -271,7 +272,7 @@ def check_object_id(object_id: object) -> None:
 
 
 def _check_joint(joint: Joint, what: str) -> None:
-    """Raises AssetError unless axis and limits are as `Joint` says: an engine would take others silently."""
+    """Raise AssetError unless axis and limits are as `Joint` says: an engine would take others silently."""
     axis, limits = np.asarray(joint.axis), np.asarray(joint.limits)
     if axis.shape != (3,) or axis.dtype.kind not in "fiu" or not _is_unit(axis):
         raise AssetError(f"{what}: its axis must be a finite vector of length 1, not {shown(joint.axis)}")
@@ -289,3 +290,45 @@ def _check_joint(joint: Joint, what: str) -> None:
 def _is_unit(axis: np.ndarray) -> bool:
     bounded = bool((np.abs(axis) < 2).all())  # false for nan; and squares do not overflow
     return bounded and abs(float(norm(axis)) - 1) < _UNIT_TOLERANCE
+
+
+def _content_hash(*values: Any) -> str:
+    """Return 16 hex digits over values made of dataclasses, mappings, sequences, arrays and plain values.
+
+    Floats are rounded to nine digits (a nanometre, a nanoradian), as the last bits of sines differ between C
+    libraries. At the edge of a rounding that does not help: processors must give the same bits (`geometry.exact`).
+    """
+    digest = hashlib.sha256()
+    for value in values:
+        _feed(digest, value)
+    return digest.hexdigest()[:16]
+
+
+def _feed(digest: Any, value: Any) -> None:
+    """Feed any nested value into a hash, each piece with its length, so that no two merge."""
+    if isinstance(value, np.ndarray):
+        _feed_bytes(digest, f"{value.dtype}{value.shape}".encode())
+        stable = np.round(value, 9) + 0.0 if value.dtype.kind == "f" else value  # + 0.0: no negative zeros
+        _feed_bytes(digest, np.ascontiguousarray(stable).tobytes())
+    elif is_dataclass(value):
+        for f in fields(value):
+            _feed_bytes(digest, f.name.encode())
+            _feed(digest, getattr(value, f.name))
+    elif isinstance(value, Mapping):
+        _feed_bytes(digest, f"mapping of {len(value)}".encode())
+        for key in sorted(value):
+            _feed_bytes(digest, repr(key).encode())
+            _feed(digest, value[key])
+    elif isinstance(value, tuple | list):
+        _feed_bytes(digest, f"sequence of {len(value)}".encode())
+        for item in value:
+            _feed(digest, item)
+    elif isinstance(value, float):
+        _feed_bytes(digest, repr(round(float(value), 9) + 0.0).encode())
+    else:
+        _feed_bytes(digest, repr(value).encode())
+
+
+def _feed_bytes(digest: Any, data: bytes) -> None:
+    digest.update(b"%d:" % len(data))
+    digest.update(data)

@@ -1,15 +1,17 @@
 """Which objects there are, and how a name becomes an `ArticulatedObject`.
 
-The catalogue's entries stand in `assets.entries`. Beside them, `generated:<category>:<seed>` is a fresh object,
-`partnet:<id>` or a path an imported one. Fresh ones are drawn from streams of their own: none is in the catalogue.
+`configs/catalog/<category>.yaml` lists the catalogue: an id, a seed, a split and a content hash per object.
+Besides, `generated:<category>:<seed>` is a fresh object, and `partnet:<id>` or a path an imported one. Fresh
+objects are drawn from their own random streams, so none of them is in the catalogue.
 """
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
-from artiskill.assets.articulated_object import ArticulatedObject, Category
-from artiskill.assets.entries import ALL, BENCHMARK_SPLITS, CATEGORIES, SPLITS, read_catalog
+from artiskill.assets.articulated_object import CATEGORIES, ArticulatedObject, Category, JointKind
 from artiskill.assets.generators import generate
 from artiskill.assets.names import (
     UnknownObjectError,
@@ -18,17 +20,83 @@ from artiskill.assets.names import (
     is_split_file,
     parse_generated,
     partnet_id,
+    read_split_file,
 )
-from artiskill.assets.needs import Needs, task_needs
-from artiskill.assets.split_files import read_split_file
+from artiskill.assets.needs import MovingLink, Needs, task_needs
+from artiskill.config import CONFIG_DIR, check, load_config
 from artiskill.errors import AssetError, check_name, shown
 
+CATALOG_DIR = CONFIG_DIR / "catalog"
+BENCHMARK_SPLITS = ("train", "test")
+HELD_OUT_SPLIT = "ood"
+SPLITS = (*BENCHMARK_SPLITS, HELD_OUT_SPLIT)
+ALL = "all"  # the splits of the benchmark
 _SPLIT_NAMES = (*SPLITS, ALL)
 _Given = str | Path | ArticulatedObject
 
 
+@dataclass(frozen=True)
+class CatalogEntry:
+    """One object of the catalogue.
+
+    Attributes:
+        id: its name.
+        seed: from which it is generated.
+        split: `train`, `test`, or `ood`: of families that neither `train` nor `test` has.
+        family: kind of cabinet, chair or bucket, as in `<category>_generator.yaml`.
+        content_hash: `ArticulatedObject.content_hash` of the object as it was when the catalogue was made.
+        drawers: links that slide and carry a handle.
+        doors: links that turn and carry a handle.
+    """
+
+    id: str
+    seed: int
+    split: str
+    family: str
+    content_hash: str
+    drawers: tuple[str, ...] = ()
+    doors: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        check(
+            self.split in SPLITS, f"{self.id}: split must be one of {', '.join(SPLITS)}, not {shown(self.split)}"
+        )
+
+    @property
+    def held_out(self) -> bool:
+        """Whether the object is of a held-out family."""
+        return self.split == HELD_OUT_SPLIT
+
+    def targets(self, motion: JointKind) -> tuple[str, ...]:
+        """Return the links that are legal targets."""
+        return self.drawers if motion == "prismatic" else self.doors
+
+    def moving_links(self) -> tuple[MovingLink, ...]:
+        """Return the legal targets of all tasks."""
+        kinds: tuple[JointKind, ...] = ("prismatic", "revolute")
+        return tuple(MovingLink(name, kind, True) for kind in kinds for name in self.targets(kind))
+
+
+@dataclass(frozen=True)
+class CatalogFile:
+    """The objects of one category."""
+
+    category: Category
+    objects: tuple[CatalogEntry, ...]
+
+
+@cache
+def read_catalog() -> dict[str, tuple[Category, CatalogEntry]]:
+    """Read all entries, by id, each with its category."""
+    entries: dict[str, tuple[Category, CatalogEntry]] = {}
+    for category in CATEGORIES:
+        for entry in load_config(CatalogFile, CATALOG_DIR / f"{category}.yaml").objects:
+            entries[entry.id] = (category, entry)
+    return entries
+
+
 def list_objects(category: str | None = None, split: str | None = None, task: str | None = None) -> list[str]:
-    """Ids of the catalogue, in its order.
+    """Return ids of the catalogue, in its order.
 
     Args:
         category: only `cabinet`, only `chair` or only `bucket`.
@@ -54,15 +122,15 @@ def list_objects(category: str | None = None, split: str | None = None, task: st
 
 
 def load_object(object_id: str | Path) -> ArticulatedObject:
-    """The object of a catalogue id, of `generated:<category>:<seed>` or of a PartNet name.
+    """Return the object of a catalogue id, of `generated:<category>:<seed>`, or of a PartNet name or path.
 
-    A catalogue id comes first. A text is a path where it holds a separator or ends in `.zip`; write `./name` for
+    A catalogue id comes first. A string is a path if it holds a separator or ends in `.zip`; write `./name` for
     a folder in the working directory. The category of a generated object is `cabinet` where the name has none.
     Generated objects are kept in a bounded cache of the process: they are read-only.
 
     Raises:
-        UnknownNameError: nothing bears this name.
-        AssetError: not a name, or an empty one, or of several objects, or a PartNet folder that is missing or
+        UnknownNameError: no object has this name.
+        AssetError: it is not a name, is empty, names several objects, or is a PartNet folder that is missing or
             unusable.
     """
     return _load(object_id, None, ())
@@ -71,22 +139,22 @@ def load_object(object_id: str | Path) -> ArticulatedObject:
 def resolve_objects(
     objects: _Given | Sequence[_Given], task: str | None = None
 ) -> tuple[str | ArticulatedObject, ...]:
-    """What a user may pass as `objects`, as a tuple of ids for `load_object` and of ready objects.
+    """Turn what a user may pass as `objects` into ids for `load_object` and ready objects.
 
     Args:
         objects: a split (`train`, `test`, `ood`, or `all` for the first two), a YAML file with a list of names, an
             id, `generated:<category>:<seed>`, `generated:<category>:<first>..<last>`, `partnet:<id>`, a path to a
             PartNet-Mobility folder or zip, an `ArticulatedObject`, or a sequence of these.
-        task: of a split or a range of seeds, only the objects that this task can be done with are taken; any other
-            object must be such a one. It also says which category `generated:<seed>` means.
+        task: of a split or a range of seeds, only objects that this task can be done with are taken; any other
+            object must be one of these. It also sets the category of `generated:<seed>`.
 
     Returns:
-        Catalogue and generated objects as ids, which are cheap until loaded; imported and given ones as objects.
+        Ids of catalogue and generated objects, which are cheap until loaded; imported and given ones as objects.
 
     Raises:
         UnknownNameError: a name that is none of these.
-        AssetError: none of the legal types, a set, an empty sequence or name, an object named twice, of another
-            category than the task's or without a target, or an unusable PartNet folder or split file.
+        AssetError: none of the legal types, a set, an empty sequence or name, an object named twice, an object of
+            another category than the task's or without a target, or an unusable PartNet folder or split file.
     """
     needs = None if task is None else task_needs(task)
     if isinstance(objects, _Given):
@@ -104,30 +172,49 @@ def resolve_objects(
 
 
 def is_nameable(name: str) -> bool:
-    """Whether `load_object` makes the object from the name alone: it is the catalogue's, or a generated one."""
+    """Return whether a name is that of a catalogue or generated object, which needs no files."""
     return name in read_catalog() or parse_generated(name) is not None
 
 
 def object_id_of(item: str | ArticulatedObject) -> str:
-    """The id of an element of `resolve_objects`' result."""
+    """Return the id of an element of `resolve_objects`' result."""
     return item if isinstance(item, str) else item.id
 
 
+def checked_hash(item: str | ArticulatedObject) -> str:
+    """Return an object's content hash; an object with a catalogue id must have the catalogue's hash.
+
+    Args:
+        item: an element of `resolve_objects`' result.
+
+    Raises:
+        AssetError: it has another hash.
+    """
+    found = load_object(item) if isinstance(item, str) else item
+    given, listed = found.content_hash, read_catalog().get(found.id)
+    if listed is not None and listed[1].content_hash != given:
+        raise AssetError(
+            f"object {found.id!r} has the content hash {given}, but the catalogue's has {listed[1].content_hash}: "
+            "its numbers could not be compared with those of others; give your own object another id"
+        )
+    return given
+
+
 def _resolve_item(item: object, needs: Needs | None) -> Iterator[str | ArticulatedObject]:
-    """The objects that one item of a list means."""
+    """Yield the objects that one item of a list means."""
     if isinstance(item, str) and item in _SPLIT_NAMES:
         yield from list_objects(split=item, task=None if needs is None else needs.task)
     elif isinstance(item, str | Path) and is_split_file(str(item)):
         for name in read_split_file(Path(item)):
             yield from _resolve_item(name, needs)
-    elif isinstance(item, str) and (found := parse_generated(item, _category(needs))) is not None:
+    elif isinstance(item, str) and (found := parse_generated(item, needs.category if needs else "cabinet")):
         yield from _resolve_generated(item, *found, needs)
     else:
         yield _resolve_one(item, needs)
 
 
 def _resolve_generated(name: str, category: Category, seeds: range, needs: Needs | None) -> Iterator[str]:
-    """One object as it is; of a range, as of a split, those that the task can be done with."""
+    """Yield the single object, or of a range those that the task can be done with."""
     names = [generated_id(category, seed) for seed in seeds]
     if needs is not None and len(names) == 1:
         needs.check_object(load_object(names[0]))
@@ -137,10 +224,6 @@ def _resolve_generated(name: str, category: Category, seeds: range, needs: Needs
         if not names:
             raise AssetError(f"none of the {len(seeds)} objects of {name!r} has a target for {needs.task}")
     yield from names
-
-
-def _category(needs: Needs | None) -> Category:
-    return "cabinet" if needs is None else needs.category
 
 
 def _resolve_one(item: object, needs: Needs | None) -> str | ArticulatedObject:
@@ -157,7 +240,7 @@ def _resolve_one(item: object, needs: Needs | None) -> str | ArticulatedObject:
 
 
 def _load(name: object, needs: Needs | None, splits: tuple[str, ...]) -> ArticulatedObject:
-    """The object of a name; `splits` are legal beside it, and `needs` spare work on unusable PartNet objects."""
+    """Load the object of a name; `splits` are legal too, and `needs` saves work on unusable PartNet objects."""
     if isinstance(name, Path):
         return _import_partnet(name, needs)
     if not isinstance(name, str):
@@ -168,18 +251,15 @@ def _load(name: object, needs: Needs | None, splits: tuple[str, ...]) -> Articul
         category, entry = read_catalog()[name]
         return generate(category, entry.seed, entry.id, entry.held_out)
     if (found := parse_generated(name)) is not None:
-        return _generate_one(name, *found)
+        category, seeds = found
+        if len(seeds) != 1:
+            raise AssetError(f"{name!r} names {len(seeds)} objects, not one")
+        return generate(category, seeds[0], generated_id(category, seeds[0]), fresh=True)
     if partnet_id(name) is not None or is_path(name):
         return _import_partnet(name, needs)
     if name in _SPLIT_NAMES:
         raise AssetError(f"{name!r} is a split, not one object; list_objects(split={name!r}) names its objects")
     raise UnknownObjectError(name, read_catalog(), splits)
-
-
-def _generate_one(name: str, category: Category, seeds: range) -> ArticulatedObject:
-    if len(seeds) != 1:
-        raise AssetError(f"{name!r} names {len(seeds)} objects, not one")
-    return generate(category, seeds[0], generated_id(category, seeds[0]), fresh=True)
 
 
 def _not_an_object(given: object) -> AssetError:

@@ -1,17 +1,19 @@
-"""Where the links of an `ArticulatedObject` are for given joint values: forward kinematics, without an engine."""
+"""Forward kinematics and masses of an `ArticulatedObject`, without an engine."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from artiskill.assets.articulated_object import ArticulatedObject, Joint
+from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape, Joint
 from artiskill.errors import ConfigError
+from artiskill.geometry.arrays import total
+from artiskill.geometry.meshes import convex_hull
 from artiskill.geometry.rotations import quat_from_axis_angle, quat_multiply, quat_rotate, transform_points
 
 
 def link_poses(obj: ArticulatedObject, qpos: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Poses of all links in the object frame.
+    """Return the poses of all links in the object frame.
 
     Args:
         obj: the object.
@@ -49,7 +51,7 @@ def link_poses(obj: ArticulatedObject, qpos: Sequence[float] | np.ndarray) -> tu
 
 
 def joint_values(obj: ArticulatedObject, fractions: float | Sequence[float] | np.ndarray) -> np.ndarray:
-    """Joint values at shares of the joints' ranges.
+    """Return joint values at fractions of the joints' ranges.
 
     Args:
         obj: the object.
@@ -77,7 +79,10 @@ def joint_values(obj: ArticulatedObject, fractions: float | Sequence[float] | np
 
 
 def drawn_points(obj: ArticulatedObject, qpos: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Vertices of what is drawn of the object itself, in its frame, (V, 3); its bounds' corners if nothing is."""
+    """Return the vertices of all visual meshes in the object frame, (V, 3), or its bounds' corners if it has none.
+
+    A wall that the object hangs on is left out.
+    """
     positions, quaternions = link_poses(obj, qpos)
     points = [
         transform_points(positions[i], quaternions[i], visual.mesh.vertices)
@@ -91,8 +96,46 @@ def drawn_points(obj: ArticulatedObject, qpos: Sequence[float] | np.ndarray) -> 
     return np.array([np.where(mask, upper, lower) for mask in np.ndindex(2, 2, 2)])
 
 
+def shape_volume_m3(shape: CollisionShape) -> float:
+    """Return the volume of a convex shape."""
+    if shape.kind == "hull":
+        return convex_hull(shape.vertices).volume_m3
+    if shape.kind == "box":
+        return 8.0 * math.prod(shape.size)
+    radius = shape.size[0]
+    ball = 4.0 / 3.0 * math.pi * math.pow(radius, 3)
+    if shape.kind == "sphere":
+        return ball
+    barrel = 2.0 * math.pi * radius**2 * shape.size[1]
+    return barrel if shape.kind == "cylinder" else barrel + ball
+
+
+def shapes_volume_m3(shapes: Iterable[CollisionShape]) -> float:
+    """Return the sum of volumes, as the engine counts it: where shapes overlap, twice."""
+    return total(shape_volume_m3(shape) for shape in shapes)
+
+
+def first_moment_m4(shapes: Iterable[CollisionShape]) -> np.ndarray:
+    """Return the sum of volume times centre, (3,), in the link's frame: times density, mass times centre of mass.
+
+    A hull's centre is taken to be the mean of its corners.
+    """
+    moment = np.zeros(3)
+    for shape in shapes:
+        centre = np.asarray(shape.position, dtype=float)
+        if shape.vertices is not None:
+            centre = centre + quat_rotate(shape.quaternion, shape.vertices.mean(axis=0))
+        moment += shape_volume_m3(shape) * centre
+    return moment
+
+
+def density_for_mass(mass_kg: float, shapes: Iterable[CollisionShape]) -> float:
+    """Return the density at which the shapes have this mass, kg/m3, to a tenth."""
+    return round(mass_kg / shapes_volume_m3(shapes), 1)
+
+
 def _joint_motion(joint: Joint, value: float) -> tuple[np.ndarray, np.ndarray]:
-    """What a joint adds to its link's pose, in the link's frame at joint value 0: shift (3,), turn (4,)."""
+    """Return what a joint adds to its link's pose, in the link's frame at joint value 0: shift (3,), turn (4,)."""
     axis = np.asarray(joint.axis, dtype=np.float64)
     if joint.kind == "prismatic":
         return axis * value, np.array((1.0, 0.0, 0.0, 0.0))

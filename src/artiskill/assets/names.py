@@ -1,16 +1,19 @@
-"""Names of objects as people write them: which form a name has, and what is nearest to a wrong one."""
+"""Parse the names of objects as people write them, suggest the nearest legal one, and read split files."""
 
 import difflib
+import os
 import re
 from collections.abc import Iterable
-from typing import cast, get_args
+from dataclasses import dataclass
+from pathlib import Path
+from typing import cast
 
-from artiskill.assets.articulated_object import Category
+from artiskill.assets.articulated_object import CATEGORIES, Category
+from artiskill.config import from_mapping, load_yaml
 from artiskill.errors import AssetError, UnknownNameError, shown
-from artiskill.files import is_folder
+from artiskill.files import is_file, is_folder
 
 GENERATED = "generated"
-GENERATED_CATEGORIES: tuple[str, ...] = get_args(Category)
 PARTNET = "partnet"
 _MOST_COMPARED = 200  # characters: comparing takes the product of two lengths
 _MOST_DIGITS = 18  # of a seed: it is a part of an id, and of the names of files
@@ -19,7 +22,7 @@ _LEAST_RATIO = 0.5  # below it, two names have nothing to do with each other
 
 
 class UnknownObjectError(UnknownNameError):
-    """A name that is no object, and where that was possible no split either."""
+    """Raised for a name that is neither an object nor, where splits are legal, a split."""
 
     def __init__(self, name: str, ids: Iterable[str], splits: Iterable[str] = ()) -> None:
         """Build the message.
@@ -49,25 +52,27 @@ class UnknownObjectError(UnknownNameError):
 
 
 def nearest_name(given: str, names: Iterable[str]) -> str | None:
-    """The name that was probably meant, or None.
+    """Return the name that was probably meant, or None.
 
-    First one with the same numbers, `cabinet-0005` for `cabinet-5` say; else the most similar one, of equally
-    similar ones the one that shares the longest beginning.
+    A name with the same numbers comes first (`cabinet-0005` for `cabinet-5`), then the most similar one. Of
+    equally similar names, the one with the longest common prefix is taken.
     """
     if len(given) > _MOST_COMPARED:
         return None
     given = given.lower()
     names = tuple(names)
     for name in names:
-        if _plain(name) == _plain(given):
+        if _strip_zeros(name) == _strip_zeros(given):
             return name
-    ranks = [(difflib.SequenceMatcher(None, given, name.lower()).ratio(), _shared(given, name)) for name in names]
+    ranks = [
+        (difflib.SequenceMatcher(None, given, name.lower()).ratio(), _common_prefix(given, name)) for name in names
+    ]
     best = max(ranks, default=(0.0, 0))
     return names[ranks.index(best)] if best[0] >= _LEAST_RATIO else None
 
 
 def parse_generated(name: str, category: Category = "cabinet") -> tuple[Category, range] | None:
-    """What `generated:<category>:<seed>` means, or None for a name of another form.
+    """Parse `generated:<category>:<seed>`; return None for a name of another form.
 
     Args:
         name: the category may be left out; `<first>..<last>` in place of the seed means all seeds from the first
@@ -88,8 +93,8 @@ def parse_generated(name: str, category: Category = "cabinet") -> tuple[Category
     parts = re.match(r"([A-Za-z_]+)[:-](.*)", rest)
     kind, seeds = (category, rest) if parts is None else (parts[1], parts[2])
     numbers = re.fullmatch(r"([0-9]+)(?:\.\.([0-9]+))?", seeds)
-    if kind not in GENERATED_CATEGORIES:
-        raise UnknownNameError("category", kind, GENERATED_CATEGORIES, f"(in {shown(name)})")
+    if kind not in CATEGORIES:
+        raise UnknownNameError("category", kind, CATEGORIES, f"(in {shown(name)})")
     if numbers is None:
         hint = "The seed is a whole number of at least 0, or <first>..<last>."
         raise UnknownNameError("object", name, (f"{GENERATED}:<category>:<seed>",), hint)
@@ -105,34 +110,76 @@ def parse_generated(name: str, category: Category = "cabinet") -> tuple[Category
 
 
 def generated_id(category: Category, seed: int) -> str:
-    """The id of a generated object."""
+    """Return the id of a generated object."""
     return f"{GENERATED}-{category}-{seed}"
 
 
 def partnet_id(name: str) -> str | None:
-    """The id of `partnet:<id>`, else None."""
+    """Return the id in `partnet:<id>`, or None for another name."""
     prefix = f"{PARTNET}:"
     return name[len(prefix) :] if name.startswith(prefix) else None
 
 
 def is_split_file(name: str) -> bool:
-    """Whether a name is meant as a file that lists names."""
+    """Return whether a name means a file that lists names."""
     return name.endswith((".yaml", ".yml"))
 
 
 def is_path(name: str) -> bool:
-    """Whether a name is meant as a path: it holds a separator or ends in `.zip`.
+    """Return whether a name means a path: it holds a separator or ends in `.zip`.
 
-    What lies in the working directory plays no part: a folder there must not take a catalogue object's name.
+    The working directory does not matter: a folder there must not take a catalogue object's name.
     """
     return "/" in name or "\\" in name or name.endswith(".zip")
 
 
-def _shared(first: str, second: str) -> int:
-    """How many characters two names have in common at their beginning."""
+@dataclass(frozen=True)
+class SplitFile:
+    """A user's own split: a YAML file that lists names of objects.
+
+    Attributes:
+        objects: names as `resolve_objects` takes them, other split files excepted; paths are relative to the file.
+        description: free text.
+    """
+
+    objects: tuple[str, ...]
+    description: str = ""
+
+
+def read_split_file(path: Path) -> tuple[str, ...]:
+    """Return the names that a split file lists.
+
+    Raises:
+        AssetError: there is no such file, or it lists nothing, no list, or another split file.
+        ConfigError: it has an unknown key or a value of the wrong type.
+    """
+    if is_folder(path):
+        raise AssetError(f"split file {str(path)!r} is a folder; write {f'{path}/'!r} to mean an object in it")
+    if not is_file(path):
+        raise AssetError(f"split file {shown(str(path))} does not exist; it holds YAML, `objects: [names]`")
+    data = load_yaml(path)
+    given = data.get("objects", [])
+    if not isinstance(given, list):
+        example = given if isinstance(given, str) and len(given) < 100 else "cabinet-0001"
+        raise AssetError(
+            f"split file {str(path)!r}: `objects` must be a list of names, not {shown(given)}; for example "
+            f"`objects: [{example}]`"
+        )
+    names = from_mapping(SplitFile, data, path.name).objects
+    if not names:
+        raise AssetError(f"split file {str(path)!r} lists no object under `objects`")
+    nested = [name for name in names if is_split_file(name)]
+    if nested:
+        raise AssetError(f"split file {str(path)!r} lists another split file: {nested[0]!r}")
+    # joined as text: `./mine` beside a file in the working directory must not become `mine`, which is no path
+    return tuple(os.path.join(path.parent, name) if is_path(name) else name for name in names)
+
+
+def _common_prefix(first: str, second: str) -> int:
+    """Return the length of the common prefix of two names."""
     return next((i for i, (a, b) in enumerate(zip(first, second, strict=False)) if a != b), len(second))
 
 
-def _plain(name: str) -> str:
-    """Without leading zeros of numbers."""
+def _strip_zeros(name: str) -> str:
+    """Strip leading zeros of numbers."""
     return re.sub(r"\d+", lambda digits: digits[0].lstrip("0") or "0", name)

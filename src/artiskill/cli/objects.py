@@ -15,8 +15,7 @@ def add_command(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Print a line per object."""
-    from artiskill.assets.catalog import list_objects
-    from artiskill.assets.entries import read_catalog
+    from artiskill.assets.catalog import list_objects, read_catalog
     from artiskill.assets.needs import task_needs
     from artiskill.errors import UnknownNameError
     from artiskill.tasks.registry import task_names

@@ -12,8 +12,7 @@ def add_command(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Print a line per task."""
-    from artiskill.assets.catalog import list_objects
-    from artiskill.assets.entries import SPLITS
+    from artiskill.assets.catalog import SPLITS, list_objects
     from artiskill.tasks.registry import task_names
 
     for name in task_names():

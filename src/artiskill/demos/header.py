@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.entries import read_catalog
+from artiskill.assets.catalog import read_catalog
 from artiskill.assets.names import PARTNET
 from artiskill.config import from_mapping, to_mapping
 from artiskill.demos.columns import Columns

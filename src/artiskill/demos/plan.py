@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.catalog import load_object, resolve_objects
-from artiskill.assets.identity import checked_hash
+from artiskill.assets.catalog import checked_hash, load_object, resolve_objects
 from artiskill.config import check
 from artiskill.demos.config import DemosConfig, load_demos_config
 from artiskill.demos.settings import CONTROLLER, ExpertInfo, Settings, mapping_hash, plain, task_hash

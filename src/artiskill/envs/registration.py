@@ -2,8 +2,7 @@
 
 import gymnasium as gym
 
-from artiskill.assets.catalog import list_objects
-from artiskill.assets.entries import read_catalog
+from artiskill.assets.catalog import list_objects, read_catalog
 from artiskill.assets.needs import task_needs
 from artiskill.tasks.registry import task_names
 

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.catalog import load_object, object_id_of, resolve_objects
-from artiskill.assets.identity import checked_hash
+from artiskill.assets.catalog import checked_hash, load_object, object_id_of, resolve_objects
 from artiskill.envs.control import JOINT
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
 from artiskill.errors import ConfigError, PolicyError, shown

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from artiskill.assets.entries import CATEGORIES
+from artiskill.assets.articulated_object import CATEGORIES
 from artiskill.config import CONFIG_DIR, check, check_value, load_config
 
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, Joint
-from artiskill.assets.entries import read_catalog
-from artiskill.assets.volumes import shapes_volume_m3
+from artiskill.assets.catalog import read_catalog
+from artiskill.assets.kinematics import shapes_volume_m3
 
 OWN, GENERATED, IMPORTED = "own", "generated", "imported"  # splits of objects that the catalogue does not list
 _SHOWN_ELSEWHERE = {"width_m", "depth_m", "height_m", "mass_kg", "handles", "tags", "family", "joints", "held_out"}

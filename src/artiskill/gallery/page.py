@@ -6,7 +6,7 @@ from dataclasses import asdict
 from importlib.resources import files as package_files
 from pathlib import Path
 
-from artiskill.assets.entries import CATEGORIES
+from artiskill.assets.articulated_object import CATEGORIES
 from artiskill.gallery.charts import category_chart
 from artiskill.gallery.config import GalleryConfig
 from artiskill.gallery.facts import ObjectFacts

@@ -9,7 +9,7 @@ from artiskill.assets.buckets.bail_path import bail_path
 from artiskill.assets.buckets.config import BailConfig
 from artiskill.assets.buckets.spec import Bail, BailGrip, Ear, Lip, Profile, Section
 from artiskill.assets.buckets.surface import clearance_m
-from artiskill.assets.ranges import Range
+from artiskill.assets.generators import Range
 from artiskill.geometry.arrays import norm
 
 Rim = tuple[Section, Profile, Lip, float]  # what a bail must clear; the last is the spout

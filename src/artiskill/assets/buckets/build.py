@@ -13,8 +13,8 @@ from artiskill.assets.buckets.spec import BucketSpec
 from artiskill.assets.buckets.surface import half_width
 from artiskill.assets.buckets.vessel import add_vessel
 from artiskill.assets.buckets.walls import add_walls
+from artiskill.assets.kinematics import density_for_mass
 from artiskill.assets.parts import IDENTITY, LinkParts
-from artiskill.assets.volumes import density_for_mass
 from artiskill.geometry.rotations import quat_from_axis_angle, transform_points
 
 _LITRES_PER_M3 = 1000.0

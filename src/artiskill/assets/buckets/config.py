@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import get_args
 
 from artiskill.assets.buckets.spec import BailKind, EarKind, FootKind, GripKind, LipKind, ProfileKind, SectionKind
-from artiskill.assets.ranges import Range, check_ranges, check_weights
+from artiskill.assets.generators import Range, check_ranges, check_weights
 from artiskill.config import CONFIG_DIR, check, load_config
 from artiskill.errors import shown
 

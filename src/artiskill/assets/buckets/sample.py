@@ -13,7 +13,7 @@ from artiskill.assets.buckets.masses import bail_mass_kg, body_mass_kg
 from artiskill.assets.buckets.profiles import draw_profile
 from artiskill.assets.buckets.spec import BucketSpec, Ear, Foot, Hoop, Lip, Profile, Section
 from artiskill.assets.buckets.surface import half_width
-from artiskill.assets.draws import pick, within
+from artiskill.assets.generators import pick, within
 from artiskill.errors import AssetError
 
 MAX_DRAWS = 500

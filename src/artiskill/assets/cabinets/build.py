@@ -18,8 +18,8 @@ from artiskill.assets.cabinets.pulls import build_pull
 from artiskill.assets.cabinets.spec import CabinetSpec, Cell, Side, Wall
 from artiskill.assets.finishes import make_material
 from artiskill.assets.handles import handle_from_mesh
+from artiskill.assets.kinematics import first_moment_m4
 from artiskill.assets.parts import IDENTITY
-from artiskill.assets.volumes import first_moment_m4
 from artiskill.geometry.primitives import box
 
 _GRAVITY_M_S2 = 9.81

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from artiskill.assets.articulated_object import Handle, Link
 from artiskill.assets.cabinets.spec import CabinetSpec
-from artiskill.assets.volumes import shapes_volume_m3
+from artiskill.assets.kinematics import shapes_volume_m3
 from artiskill.geometry.arrays import total
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from artiskill.assets.cabinets.config import CabinetConfig, CabinetFamilyConfig
 from artiskill.assets.cabinets.tree import Leaf, Node, Split
-from artiskill.assets.draws import pick
+from artiskill.assets.generators import pick
 
 MAX_DEPTH = 3
 

@@ -29,8 +29,8 @@ from artiskill.assets.cabinets.spec import (
 from artiskill.assets.cabinets.styles import draw_front, draw_handles, draw_support, draw_top
 from artiskill.assets.cabinets.supports import support_shapes
 from artiskill.assets.cabinets.tree import Edge, Placed, Region, resolve
-from artiskill.assets.draws import pick, within
 from artiskill.assets.finishes import sample_surface
+from artiskill.assets.generators import pick, within
 from artiskill.errors import AssetError
 
 _BOARDED = ("plinth", "sides")

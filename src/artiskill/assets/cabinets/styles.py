@@ -6,8 +6,8 @@ from artiskill.assets.cabinets.config import CabinetConfig, CabinetFamilyConfig,
 from artiskill.assets.cabinets.pulls.bars import FLAT_BAR_M, STRAP_M
 from artiskill.assets.cabinets.pulls.knobs import HEADS
 from artiskill.assets.cabinets.spec import BUMPER_M, FrontStyle, HandleKind, HandleModel, Support, Top
-from artiskill.assets.draws import pick, within
 from artiskill.assets.finishes import GRAIN_TILE_M
+from artiskill.assets.generators import pick, within
 
 _FRAMED = ("shaker", "raised", "glazed", "louvred")
 # A top ends at most so far before the fronts' face: a hand on the uppermost handle must not meet it.

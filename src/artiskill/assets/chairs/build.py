@@ -24,8 +24,8 @@ from artiskill.assets.chairs.frames import add_runners, add_sled, knee
 from artiskill.assets.chairs.pen import Pen
 from artiskill.assets.chairs.seat import add_seat
 from artiskill.assets.chairs.spec import ChairSpec
+from artiskill.assets.kinematics import density_for_mass
 from artiskill.assets.parts import IDENTITY, LinkParts
-from artiskill.assets.volumes import density_for_mass
 from artiskill.geometry.rotations import quat_rotate
 
 ENDLESS = (-math.inf, math.inf)

@@ -5,7 +5,7 @@ from functools import cache
 from pathlib import Path
 
 from artiskill.assets.finishes import Finish
-from artiskill.assets.ranges import Range, check_ranges, check_weights
+from artiskill.assets.generators import Range, check_ranges, check_weights
 from artiskill.config import CONFIG_DIR, check, load_config
 from artiskill.errors import shown
 

@@ -11,8 +11,7 @@ from artiskill.assets.chairs.config import ChairConfig, ChairFamilyConfig, MassC
 from artiskill.assets.chairs.sample_lower import draw_base, draw_casters, draw_column
 from artiskill.assets.chairs.sample_upper import draw_arms, draw_back, draw_seat
 from artiskill.assets.chairs.spec import Arms, Back, Base, Casters, ChairSpec, Column, Masses, Mechanism, Seat
-from artiskill.assets.draws import chance, pick, within
-from artiskill.assets.ranges import Range
+from artiskill.assets.generators import Range, chance, pick, within
 from artiskill.errors import AssetError
 
 MAX_DRAWS = 500

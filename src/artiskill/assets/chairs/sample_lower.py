@@ -6,7 +6,7 @@ import numpy as np
 
 from artiskill.assets.chairs.config import ChairConfig, ChairFamilyConfig
 from artiskill.assets.chairs.spec import Base, CasterKind, Casters, Column, Seat
-from artiskill.assets.draws import chance, pick, within
+from artiskill.assets.generators import chance, pick, within
 
 # Diameters sold: twin wheels 40-65 mm, single ones 50-75, balls 40-60; trail relative to the diameter.
 _DIAMETERS_M = {"twin": (0.040, 0.065), "single": (0.050, 0.075), "ball": (0.040, 0.060)}

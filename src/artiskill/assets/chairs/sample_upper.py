@@ -6,7 +6,7 @@ import numpy as np
 
 from artiskill.assets.chairs.config import ChairConfig, ChairFamilyConfig
 from artiskill.assets.chairs.spec import ArmKind, Arms, Back, BackKind, Headrest, Seat, SeatKind
-from artiskill.assets.draws import chance, pick, within
+from artiskill.assets.generators import chance, pick, within
 
 _SOFT = ("fabric", "leather")
 _MOST_FALL = 0.6  # of its thickness, that a seat's edge may sink

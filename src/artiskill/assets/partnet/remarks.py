@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from artiskill.assets.articulated_object import Category, Handle, Link
+from artiskill.assets.kinematics import shapes_volume_m3
 from artiskill.assets.partnet.drawn import DrawnMesh
 from artiskill.assets.partnet.overlaps import find_overlaps
 from artiskill.assets.partnet.part_names import WHEEL
 from artiskill.assets.partnet.semantics import UNKNOWN
-from artiskill.assets.volumes import shapes_volume_m3
 from artiskill.geometry.arrays import total
 
 

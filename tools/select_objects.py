@@ -1,7 +1,8 @@
-"""Chooses the catalogue's objects: walks the seeds and keeps those that fill the counts of the benchmark.
+"""Select the catalogue's objects anew: `python tools/select_objects.py [CATEGORY ...]`.
 
-Run `python -m artiskill.assets.selection` to write the catalogue's YAML files anew after a generator has changed.
-An object that nearly equals one already chosen is passed over, in whatever split that one is.
+Run it after a generator or a family has changed. It walks the seeds, keeps the objects that fill the counts of the
+benchmark, and writes `configs/catalog`. A near duplicate of an object already chosen is skipped, whatever split
+that object is in.
 """
 
 import sys
@@ -13,8 +14,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from artiskill.assets.articulated_object import ArticulatedObject, Category
-from artiskill.assets.entries import BENCHMARK_SPLITS, CATALOG_DIR, CATEGORIES, HELD_OUT_SPLIT, CatalogEntry
+from artiskill.assets.articulated_object import CATEGORIES, ArticulatedObject, Category
+from artiskill.assets.catalog import BENCHMARK_SPLITS, CATALOG_DIR, HELD_OUT_SPLIT, CatalogEntry
 from artiskill.assets.generators import generate
 from artiskill.assets.similarity import NEAR_DUPLICATE_M, Descriptor, describe, nearest_neighbour
 from artiskill.config import to_mapping
@@ -36,7 +37,7 @@ _Kind = Callable[[ArticulatedObject], Hashable]  # which of several counters an 
 
 
 class Selection:
-    """The objects of one category chosen so far, none nearly like another."""
+    """The objects of one category chosen so far, without near duplicates."""
 
     def __init__(self, category: Category) -> None:
         """Start with none."""
@@ -45,7 +46,7 @@ class Selection:
         self._described: list[Descriptor] = []
 
     def object(self, key: _Key) -> ArticulatedObject:
-        """The object of a seed."""
+        """Return the object of a seed."""
         seed, held_out = key
         return generate(self.category, seed, f"candidate-{self.category}-{seed}", held_out)
 
@@ -70,10 +71,10 @@ class Selection:
         raise AssertionError("there is no last seed")
 
     def assign(self, keys: Sequence[_Key], counts: Mapping[str, Mapping[Hashable, int]], kind: _Kind) -> None:
-        """Divide objects into training and test ones, so that the test ones show as many looks as there are.
+        """Divide objects into training and test ones, so that the test ones show every look there is.
 
-        Within each kind the next test object is one whose look, see `_look`, is the rarest in the test split so
-        far, measured by how many objects have it at all; of equal ones a fixed draw decides.
+        The next test object of a kind is one whose look (see `_look`) is the rarest in the test split so far,
+        relative to how many objects have it; a fixed draw breaks ties.
 
         Args:
             keys: the objects.
@@ -93,7 +94,7 @@ class Selection:
             missing[kind(self.object(chosen))] -= 1
 
     def entries(self) -> list[CatalogEntry]:
-        """The entries, those of held-out families last, in the order of their seeds."""
+        """Return the entries in the order of their seeds, held-out families last."""
         chosen = sorted(self.splits, key=lambda key: (key[1], key[0]))
         return [self._entry(number, *key) for number, key in enumerate(chosen, start=1)]
 
@@ -120,7 +121,7 @@ class Selection:
 
 
 def select(category: Category) -> list[CatalogEntry]:
-    """The catalogue's entries of a category."""
+    """Select the objects of a category."""
     selection = Selection(category)
     if category == "cabinet":
         _fill(selection, DRAWER_COUNTS, _drawers)
@@ -146,7 +147,7 @@ def _family(obj: ArticulatedObject) -> str:
 
 
 def _look(obj: ArticulatedObject) -> Hashable:
-    """What a test split should show all of: handles of cabinets, families of others."""
+    """Return what a test split should show all of: kinds of handle of cabinets, families of others."""
     return obj.handles[0].kind if obj.category == "cabinet" else _family(obj)
 
 
@@ -159,7 +160,7 @@ def _doors(obj: ArticulatedObject) -> int:
 
 
 def _wanted_doors(selection: Selection) -> dict[str, dict[Hashable, int]]:
-    """How many cabinets with doors only, one or two each, make the totals of the door task hold."""
+    """Return how many cabinets with doors only, of one or two each, make up the totals of the door task."""
     wanted: dict[str, dict[Hashable, int]] = {}
     for split in BENCHMARK_SPLITS:
         chosen = [selection.object(key) for key, name in selection.splits.items() if name == split]
@@ -171,8 +172,8 @@ def _wanted_doors(selection: Selection) -> dict[str, dict[Hashable, int]]:
 
 
 def catalog_yaml(category: Category, entries: list[CatalogEntry]) -> str:
-    """The catalogue file's text."""
-    head = "# Made by `python -m artiskill.assets.selection`; the keys are described in assets/entries.py.\n"
+    """Return the text of a catalogue file."""
+    head = "# Made by `python tools/select_objects.py`; the keys are described in assets/catalog.py.\n"
     rows = [
         {k: v for k, v in to_mapping(entry).items() if v or k not in ("drawers", "doors")} for entry in entries
     ]
@@ -181,7 +182,7 @@ def catalog_yaml(category: Category, entries: list[CatalogEntry]) -> str:
 
 
 def main(categories: list[str]) -> None:
-    """Write the files of some categories, or of all."""
+    """Write the files of these categories, or of all."""
     for category in CATEGORIES:
         if not categories or category in categories:
             text = catalog_yaml(category, select(category))
