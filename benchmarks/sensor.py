@@ -20,16 +20,13 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 from sensor_scenes import BenchmarkScene, ring, robot_and_cabinet
 
-from artiskill.sensors.camera import Camera
-from artiskill.sensors.camera_batch import CameraBatch
-from artiskill.sensors.lighting import View
+from artiskill.sensors.camera import Camera, CameraBatch, View
+from artiskill.sensors.drawing.backdrop import resolve_depth, resolve_ids, resolve_position
+from artiskill.sensors.drawing.buffers import BAND_ROWS, drawing_of, thread_scratch
+from artiskill.sensors.drawing.fast_shading import list_runs, set_up_faces
+from artiskill.sensors.drawing.render import colour_rows, draw_view, forget_faces
 from artiskill.sensors.render_config import load_render_config
-from artiskill.sensors.render_views import colour_rows, draw_view, forget_faces
 from artiskill.sensors.renderer import Renderer
-from artiskill.sensors.resolve import resolve_depth, resolve_ids, resolve_position
-from artiskill.sensors.runs import list_runs
-from artiskill.sensors.scratch import BAND_ROWS, drawing_of, thread_scratch
-from artiskill.sensors.shade_fast import set_up_faces
 
 _ALL = ("rgb", "depth", "position_w", "geom")
 _CHANNEL_SETS = (_ALL, ("rgb",), ("depth",), ("position_w",), ("geom",))

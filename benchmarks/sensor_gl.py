@@ -13,9 +13,9 @@ import mujoco
 import numpy as np
 from sensor_scenes import BenchmarkScene
 
-from artiskill.sensors.backdrop import FLOOR, NOTHING
 from artiskill.sensors.camera import Camera
-from artiskill.sensors.images import Images
+from artiskill.sensors.drawing.backdrop import FLOOR, NOTHING
+from artiskill.sensors.renderer import Images
 
 
 class GlSensor:

@@ -13,7 +13,7 @@ from artiskill.robots.config import load_robot
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.scene import build_scene
 from artiskill.sensors.camera import Camera
-from artiskill.sensors.triangle_soup import BodyVisual
+from artiskill.sensors.renderer import BodyVisual
 
 _BODIES = 24
 _EYE_HEIGHT_M = 1.5

@@ -15,10 +15,9 @@ from artiskill.evaluation.pictures import EpisodeChoice, picture_episode
 from artiskill.evaluation.scene_pictures import PictureStyle
 from artiskill.experts.open_cabinet import OpenCabinetExpert
 from artiskill.sensors.camera import Camera
-from artiskill.sensors.downsample import downsample, make_sampler
-from artiskill.sensors.object_picture import render_object
-from artiskill.sensors.overlay import draw_points, paint_depth, paint_masks
-from artiskill.sensors.sheet import below, beside
+from artiskill.sensors.observations.sampling import downsample, make_sampler
+from artiskill.sensors.pictures.compose import below, beside, draw_points, paint_depth, paint_masks
+from artiskill.sensors.pictures.objects import render_object
 
 TASK, OBJECT, LEVEL, STEPS = "OpenCabinetDrawer", "cabinet-0023", 3, 60
 OUT = Path(__file__).resolve().parents[1] / "docs" / "images"

@@ -24,12 +24,18 @@ from artiskill.assets.buckets.spec import Section
 from artiskill.config import dump_yaml, from_mapping, to_mapping
 from artiskill.errors import AssetError, ConfigError
 from artiskill.geometry.meshes import TriMesh, convex_hull, depth_inside, sample_surface, triangle_areas
+from artiskill.geometry.normals import is_closed
 from artiskill.geometry.primitives import box, capsule, cylinder
 from artiskill.geometry.rotations import quat_from_axis_angle, quat_multiply, quat_rotate
 from artiskill.scene.object_model import add_object
-from artiskill.scene.options import Group, set_contact, set_joint_limits_solver, set_options
-from artiskill.scene.physics import ContactConfig, PhysicsConfig
-from artiskill.sensors.normals import is_closed
+from artiskill.scene.physics import (
+    ContactConfig,
+    Group,
+    PhysicsConfig,
+    set_contact,
+    set_joint_limits_solver,
+    set_options,
+)
 
 SEEDS = [(seed, False) for seed in range(7)] + [(seed, True) for seed in range(5)]
 MANY_SEEDS = range(100, 200)

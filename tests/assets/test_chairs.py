@@ -24,10 +24,16 @@ from artiskill.config import dump_yaml, from_mapping, to_mapping
 from artiskill.errors import AssetError, ConfigError
 from artiskill.geometry.meshes import TriMesh, convex_hull, merge, triangle_areas
 from artiskill.geometry.primitives import box, capsule, cylinder, sphere
-from artiskill.robots.shapes import add_shape
+from artiskill.robots.model import add_shape
 from artiskill.scene.object_model import add_object
-from artiskill.scene.options import Group, set_contact, set_joint_limits_solver, set_options
-from artiskill.scene.physics import ContactConfig, PhysicsConfig
+from artiskill.scene.physics import (
+    ContactConfig,
+    Group,
+    PhysicsConfig,
+    set_contact,
+    set_joint_limits_solver,
+    set_options,
+)
 
 FEW = [(seed, False) for seed in range(8)] + [(seed, True) for seed in range(3)]
 MANY = [(seed, False) for seed in range(100, 220)] + [(seed, True) for seed in range(100, 140)]

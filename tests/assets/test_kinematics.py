@@ -19,7 +19,7 @@ from artiskill.assets.kinematics import (
 )
 from artiskill.errors import ConfigError
 from artiskill.geometry.rotations import quat_to_matrix
-from artiskill.robots.shapes import GEOM_TYPES
+from artiskill.robots.model import GEOM_TYPES
 
 ORIGIN, UNTURNED = np.zeros(3), np.array((1.0, 0.0, 0.0, 0.0))
 

@@ -3,7 +3,7 @@ import pytest
 from artiskill.bench.cases import Case, make_cases
 from artiskill.errors import ArtiSkillError
 from artiskill.jobs.parallel import available_cores
-from artiskill.sensors.downsample import make_sampler
+from artiskill.sensors.observations.sampling import make_sampler
 from artiskill.tasks.registry import task_names
 
 DRAWER = "OpenCabinetDrawer"

@@ -12,7 +12,7 @@ from gymnasium.utils.env_checker import check_env
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.wrappers import PointCloudDownsample
 from artiskill.errors import ConfigError, UnknownNameError
-from artiskill.sensors.downsample import SAMPLERS, ManiskillSampler, downsample
+from artiskill.sensors.observations.sampling import SAMPLERS, ManiskillSampler, downsample
 from artiskill.tasks.levels import RngStream, level_generator
 from artiskill.tasks.registry import make_task
 

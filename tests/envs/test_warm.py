@@ -13,7 +13,7 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.envs.warm import warm_scenes
 from artiskill.errors import UnknownNameError
-from artiskill.scene.cache import cached_scene
+from artiskill.scene.scene import cached_scene
 
 TASK = "OpenCabinetDrawer"
 

@@ -19,12 +19,10 @@ from artiskill.evaluation.scene_pictures import PictureStyle
 from artiskill.evaluation.video import caption_share
 from artiskill.geometry.primitives import box
 from artiskill.geometry.rotations import transform_points
-from artiskill.scene.cache import cached_scene
-from artiskill.scene.scene import Scene
+from artiskill.scene.scene import Scene, cached_scene
 from artiskill.sensors.camera import Camera
 from artiskill.sensors.render_config import load_render_config
-from artiskill.sensors.renderer import Renderer
-from artiskill.sensors.triangle_soup import BodyVisual
+from artiskill.sensors.renderer import BodyVisual, Renderer
 from artiskill.sim.snapshot import Snapshot
 
 EPISODES = {

@@ -19,8 +19,8 @@ from artiskill.evaluation.pictures import (
     write_picture,
 )
 from artiskill.evaluation.scene_pictures import PictureStyle
+from artiskill.sensors.pictures.compose import GAP_PX
 from artiskill.sensors.render_config import load_render_config
-from artiskill.sensors.sheet import GAP_PX
 
 TASK, OBJECT = "OpenCabinetDrawer", "cabinet-0005"
 CAMERAS = {"cameras.width": 60, "cameras.height": 24}

@@ -8,7 +8,7 @@ from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object
 from artiskill.exports.export import export_object
 from artiskill.geometry.rotations import quat_to_matrix
-from artiskill.scene.object_scene import build_object_scene
+from artiskill.scene.object_model import build_object_scene
 from artiskill.scene.physics import PhysicsConfig
 
 TOLERANCE = 1e-6

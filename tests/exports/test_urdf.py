@@ -17,7 +17,7 @@ from artiskill.errors import AssetError
 from artiskill.exports.export import export_object
 from artiskill.geometry.meshes import TriMesh
 from artiskill.geometry.rotations import quat_angle, quat_rotate
-from artiskill.scene.object_scene import build_object_scene
+from artiskill.scene.object_model import build_object_scene
 from artiskill.scene.physics import PhysicsConfig
 
 coacd = pytest.importorskip("coacd", reason="the importer needs the extra `import`")

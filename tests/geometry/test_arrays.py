@@ -26,10 +26,10 @@ EXEMPT = {
     "geometry/arrays.py": "calls them for arrays of other libraries",
     "assets/partnet": "imports from files, with CoACD: no hash of a catalogue is compared",
     "sensors/camera.py": "whether a matrix is a rotation, to within 1e-6",
-    "sensors/framing.py": "where to look from, for pictures of objects",
-    "sensors/object_picture.py": "pictures of objects",
-    "sensors/overlay.py": "drawings for people",
-    "sensors/lighting.py": "powers of single numbers, by the C library",
+    "sensors/pictures/framing.py": "where to look from, for pictures of objects",
+    "sensors/pictures/objects.py": "pictures of objects",
+    "sensors/pictures/compose.py": "drawings for people",
+    "sensors/drawing/shading.py": "powers of single numbers, by the C library",
 }
 
 

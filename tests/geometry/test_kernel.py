@@ -20,7 +20,7 @@ import numpy as np
 from numba.core import event
 from artiskill.geometry import kernel_cache
 kernel_cache.CHECK_EVERY_S, kernel_cache.SHORT_S = 0.01, 0.02
-from artiskill.sensors.orthographic import draw_heights
+from artiskill.sensors.drawing.shadows import draw_heights
 compiled = []
 class Listener(event.Listener):
     def on_start(self, e): compiled.append(e.data["dispatcher"].py_func.__name__)

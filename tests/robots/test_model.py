@@ -22,8 +22,7 @@ from artiskill.robots.arm_config import ROBOT_DIR, ArmConfig, ShapeConfig, load_
 from artiskill.robots.config import RobotConfig, load_robot
 from artiskill.robots.model import RobotPart, add_robot
 from artiskill.robots.visuals import robot_visuals
-from artiskill.scene.options import set_joint_limits_solver, set_options
-from artiskill.scene.physics import PhysicsConfig
+from artiskill.scene.physics import PhysicsConfig, set_joint_limits_solver, set_options
 from artiskill.scene.scene import build_scene
 
 TRUNK = ("root_x_axis_joint", "root_y_axis_joint", "root_z_rotation_joint", "linear_actuator_height")

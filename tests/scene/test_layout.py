@@ -15,8 +15,7 @@ from artiskill.assets.cabinets.spec import Wall
 from artiskill.assets.catalog import list_objects, load_object
 from artiskill.robots.config import load_robot
 from artiskill.scene import scene as scene_module
-from artiskill.scene.layout import category_layouts, inertia_entries
-from artiskill.scene.padding import PADDING_PREFIX, _depths, _fans
+from artiskill.scene.layout import PADDING_PREFIX, _depths, _fans, category_layouts, inertia_entries
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.scene import Scene, build_scene
 

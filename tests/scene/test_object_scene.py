@@ -6,7 +6,7 @@ import pytest
 
 from artiskill.assets.catalog import load_object
 from artiskill.assets.kinematics import link_poses
-from artiskill.scene.object_scene import build_object_scene
+from artiskill.scene.object_model import build_object_scene
 from artiskill.scene.physics import PhysicsConfig
 
 NAMES = ("generated:cabinet:1", "generated:chair:1", "generated:bucket:1")

@@ -10,9 +10,8 @@ from artiskill.assets.catalog import load_object
 from artiskill.config import from_mapping
 from artiskill.errors import ConfigError
 from artiskill.robots.config import load_robot
-from artiskill.scene.cache import cached_scene
 from artiskill.scene.physics import PhysicsConfig
-from artiskill.scene.scene import Scene, build_scene
+from artiskill.scene.scene import Scene, build_scene, cached_scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.states import InitialState
 

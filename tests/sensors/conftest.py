@@ -12,7 +12,7 @@ from artiskill.geometry.meshes import TriMesh
 from artiskill.geometry.primitives import box, capsule, cylinder, sphere, tube
 from artiskill.geometry.rotations import quat_from_rpy, transform_points
 from artiskill.sensors.camera import Camera
-from artiskill.sensors.triangle_soup import BodyVisual
+from artiskill.sensors.renderer import BodyVisual
 
 
 @dataclass(frozen=True)

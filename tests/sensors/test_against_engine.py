@@ -10,11 +10,10 @@ from artiskill.assets.catalog import load_object
 from artiskill.robots.config import load_robot
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.scene import build_scene
-from artiskill.sensors.backdrop import FLOOR, NOTHING
 from artiskill.sensors.camera import Camera
+from artiskill.sensors.drawing.backdrop import FLOOR, NOTHING
 from artiskill.sensors.render_config import load_render_config
-from artiskill.sensors.renderer import Renderer
-from artiskill.sensors.triangle_soup import BodyVisual
+from artiskill.sensors.renderer import BodyVisual, Renderer
 
 RAYS = 2000
 GROUND = "ground"

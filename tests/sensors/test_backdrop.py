@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from artiskill.sensors.backdrop import FLOOR, NOTHING, fill_box, fill_rest, find_backdrop
-from artiskill.sensors.camera import Camera
-from artiskill.sensors.lighting import View
+from artiskill.sensors.camera import Camera, View
+from artiskill.sensors.drawing.backdrop import FLOOR, NOTHING, fill_box, fill_rest, find_backdrop
 
 HEIGHT, WIDTH = 50, 70
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from artiskill.errors import ConfigError, StateError
-from artiskill.sensors.camera import Camera
-from artiskill.sensors.camera_batch import CameraBatch
+from artiskill.sensors.camera import Camera, CameraBatch
 from artiskill.sensors.render_config import load_render_config
 from artiskill.sensors.renderer import CHANNELS, Images, Renderer
 

@@ -4,8 +4,15 @@ import numpy as np
 import pytest
 
 from artiskill.errors import ArtiSkillError, ConfigError, UnknownNameError
-from artiskill.sensors.downsample import SAMPLERS, ManiskillSampler, downsample, make_sampler
-from artiskill.sensors.point_selection import choose_farthest, first_of_each_voxel, points_that_count
+from artiskill.sensors.observations.sampling import (
+    SAMPLERS,
+    ManiskillSampler,
+    choose_farthest,
+    downsample,
+    first_of_each_voxel,
+    make_sampler,
+    points_that_count,
+)
 
 
 def cloud(counts: dict[tuple[int, ...], int], ground: int = 500, seed: int = 0) -> tuple[np.ndarray, ...]:

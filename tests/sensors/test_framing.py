@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from artiskill.errors import ConfigError
-from artiskill.sensors.framing import following_cameras, framing_camera, orbit_camera
+from artiskill.sensors.pictures.framing import following_cameras, framing_camera, orbit_camera
 
 
 def projected(camera, points_w):

@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 from numba import njit
 
-from artiskill.sensors.lanes import (
+from artiskill.sensors.drawing.simd import (
     LANES,
-    copy_lanes,
-    draw_lanes,
-    equal_lanes,
-    shade_lanes,
-    weave_lanes,
-    weave_pixels,
+    copy_simd,
+    count_equal_simd,
+    draw_simd,
+    interleave_floats,
+    interleave_pixels,
+    shade_simd,
 )
 
 WIDTH = 3 * LANES
@@ -17,22 +17,22 @@ WIDTH = 3 * LANES
 
 @njit
 def draw(inverse_depth, triangle, index, column, count, w_row, dw_dx, t):
-    draw_lanes(inverse_depth, triangle, index, column, count, w_row, dw_dx, t)
+    draw_simd(inverse_depth, triangle, index, column, count, w_row, dw_dx, t)
 
 
 @njit
 def equal(values, index):
-    return equal_lanes(values, index)
+    return count_equal_simd(values, index)
 
 
 @njit
 def copy(rgb, index, source, source_index):
-    copy_lanes(rgb, index, source, source_index)
+    copy_simd(rgb, index, source, source_index)
 
 
 @njit
 def shade(rgb, depth, index, column, y, curved, red, green, blue):
-    shade_lanes(rgb, depth, index, column, np.float32(7.5), np.float32(0.01), y, curved, red, green, blue)
+    shade_simd(rgb, depth, index, column, np.float32(7.5), np.float32(0.01), y, curved, red, green, blue)
 
 
 @pytest.mark.parametrize("count", [-3, 0, 1, 7, LANES, LANES + 5])
@@ -84,12 +84,12 @@ def test_shading_is_the_scalar_formula_bit_for_bit(rng, curved):
 
 @njit
 def weave(out, index, source, first, second, third):
-    weave_lanes(out, index, source, first, second, third)
+    interleave_floats(out, index, source, first, second, third)
 
 
 @njit
 def weave_bytes(out, index, source, first, second, third):
-    weave_pixels(out, index, source, first, second, third)
+    interleave_pixels(out, index, source, first, second, third)
 
 
 def test_weaving_interleaves_numbers(rng):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from artiskill.sensors.camera import Camera
-from artiskill.sensors.mipmaps import MIP_LEVELS, pack_textures
+from artiskill.sensors.drawing.scene_tables import MIP_LEVELS, pack_textures
 from artiskill.sensors.render_config import load_render_config
 from artiskill.sensors.renderer import Renderer
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from artiskill.geometry.meshes import TriMesh, merge
+from artiskill.geometry.normals import corner_normals, face_normals, is_closed
 from artiskill.geometry.primitives import box, capsule, cylinder, sphere, tube
-from artiskill.sensors.normals import corner_normals, face_normals, is_closed
 
 
 def test_a_box_stays_flat():

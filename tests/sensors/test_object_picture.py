@@ -6,7 +6,7 @@ import pytest
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import list_objects, load_object
 from artiskill.errors import ConfigError
-from artiskill.sensors.object_picture import ObjectView, render_object
+from artiskill.sensors.pictures.objects import ObjectView, render_object
 
 SMALL = {"width": 96, "height": 72}
 

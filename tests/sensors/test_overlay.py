@@ -3,7 +3,7 @@
 import numpy as np
 
 from artiskill.sensors.camera import Camera
-from artiskill.sensors.overlay import MASK_COLOURS, draw_points, paint_depth, paint_masks
+from artiskill.sensors.pictures.compose import MASK_COLOURS, draw_points, paint_depth, paint_masks
 
 CAMERA = Camera.look_at((0, 0, 0), (1, 0, 0), width=21, height=11)
 

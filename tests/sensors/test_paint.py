@@ -1,10 +1,17 @@
 import numpy as np
 import pytest
 
-from artiskill.sensors.backdrop import FLOOR, NOTHING
-from artiskill.sensors.lanes import LANES
-from artiskill.sensors.paint import CONSTANT, LINEAR, TEXTURED, paint_pixel, paint_rows, paint_textures
-from artiskill.sensors.runs import list_runs
+from artiskill.sensors.drawing.backdrop import FLOOR, NOTHING
+from artiskill.sensors.drawing.fast_shading import (
+    CONSTANT,
+    LINEAR,
+    TEXTURED,
+    list_runs,
+    paint_pixel,
+    paint_rows,
+    paint_textures,
+)
+from artiskill.sensors.drawing.simd import LANES
 
 FACES = 6
 MARGIN = 64  # bytes after what may be written, which nothing may touch

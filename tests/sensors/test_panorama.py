@@ -8,9 +8,8 @@ import pytest
 
 from artiskill.config import from_mapping
 from artiskill.errors import ConfigError
-from artiskill.sensors.camera import Camera
-from artiskill.sensors.camera_batch import views_of
-from artiskill.sensors.panorama import CamerasConfig, Panorama
+from artiskill.sensors.camera import Camera, views_of
+from artiskill.sensors.observations.cameras import CamerasConfig, Panorama
 from artiskill.tasks.registry import make_task
 
 VALUES = {

@@ -6,17 +6,19 @@ import numpy as np
 import pytest
 
 from artiskill.errors import ConfigError
-from artiskill.sensors.point_cloud import (
+from artiskill.sensors.observations.point_cloud import (
+    COUNTS,
     classify_pixels,
     classify_points,
+    mask_codes,
     move_to_frame,
     points_of_pixels,
     rays_of,
+    write_channels,
     write_cloud,
 )
 from artiskill.sensors.render_config import load_render_config
 from artiskill.sensors.renderer import Renderer
-from artiskill.sensors.segmentation import COUNTS, mask_codes, write_channels
 
 
 @pytest.fixture(scope="module")

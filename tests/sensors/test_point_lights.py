@@ -6,8 +6,7 @@ import pytest
 from artiskill.errors import ConfigError
 from artiskill.geometry.primitives import sphere
 from artiskill.sensors.camera import Camera
-from artiskill.sensors.lighting import lights
-from artiskill.sensors.point_lights import point_irradiance
+from artiskill.sensors.drawing.shading import lights, point_irradiance
 from artiskill.sensors.render_config import load_render_config
 from artiskill.sensors.renderer import Renderer
 

@@ -10,8 +10,8 @@ import pytest
 from artiskill.errors import ConfigError, StateError, UnknownNameError
 from artiskill.geometry.meshes import TriMesh
 from artiskill.geometry.primitives import box, sphere
-from artiskill.sensors.backdrop import FLOOR, NOTHING
 from artiskill.sensors.camera import Camera
+from artiskill.sensors.drawing.backdrop import FLOOR, NOTHING
 from artiskill.sensors.render_config import load_render_config
 from artiskill.sensors.renderer import CHANNELS, Renderer
 
@@ -286,7 +286,7 @@ from artiskill.geometry.meshes import box, sphere
 from artiskill.sensors.camera import Camera
 from artiskill.sensors.render_config import load_render_config
 from artiskill.sensors.renderer import CHANNELS, Renderer
-from artiskill.sensors.triangle_soup import BodyVisual
+from artiskill.sensors.renderer import BodyVisual
 
 def digest():
     red = Material("red", (0.8, 0.1, 0.1, 1.0))

@@ -1,8 +1,8 @@
 import numpy as np
 
-from artiskill.sensors.backdrop import FLOOR, NOTHING
-from artiskill.sensors.lanes import LANES
-from artiskill.sensors.runs import SEEN, UNSEEN, list_runs
+from artiskill.sensors.drawing.backdrop import FLOOR, NOTHING
+from artiskill.sensors.drawing.fast_shading import SEEN, UNSEEN, list_runs
+from artiskill.sensors.drawing.simd import LANES
 
 
 def listed(triangle, drawn, faces=9):

@@ -1,6 +1,6 @@
 import numpy as np
 
-from artiskill.sensors.sheet import GAP_PX, below, beside, of_width
+from artiskill.sensors.pictures.compose import GAP_PX, below, beside, of_width
 
 
 def filled(height, width, value):

@@ -6,13 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from artiskill.sensors.camera import Camera
-from artiskill.sensors.camera_batch import views_of
-from artiskill.sensors.picture_sight import CHANNELS, PictureSight
-from artiskill.sensors.point_cloud import rays_of
+from artiskill.sensors.camera import Camera, views_of
+from artiskill.sensors.observations.point_cloud import COUNTS, mask_codes, rays_of
+from artiskill.sensors.observations.raster_buffers import CHANNELS, PictureSight
 from artiskill.sensors.render_config import load_render_config
 from artiskill.sensors.renderer import Renderer
-from artiskill.sensors.segmentation import COUNTS, mask_codes
 
 MASKS = 3
 LAMP = {"position_w": [0, 0, 2], "colour": [1, 1, 1], "strength": 2, "range_m": 5}

@@ -4,7 +4,7 @@ import pytest
 from artiskill.errors import AssetError
 from artiskill.geometry.meshes import TriMesh
 from artiskill.geometry.primitives import box, sphere
-from artiskill.sensors.triangle_soup import build_triangle_soup
+from artiskill.sensors.drawing.scene_tables import build_triangle_soup
 
 
 def build(*visuals, max_px=512):

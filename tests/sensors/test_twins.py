@@ -4,10 +4,9 @@ import pytest
 from artiskill.geometry.meshes import TriMesh
 from artiskill.geometry.primitives import box
 from artiskill.sensors.camera import Camera
+from artiskill.sensors.drawing.scene_tables import build_triangle_soup, have_opposite_faces
 from artiskill.sensors.render_config import load_render_config
 from artiskill.sensors.renderer import Renderer
-from artiskill.sensors.triangle_soup import build_triangle_soup
-from artiskill.sensors.twins import have_opposite_twins
 
 PLACES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype=float)
 WORLD = np.zeros(7, dtype=np.int32)
@@ -26,13 +25,13 @@ WORLD = np.zeros(7, dtype=np.int32)
     ],
 )
 def test_who_has_a_twin(faces, expected):
-    assert have_opposite_twins(PLACES, WORLD, np.array(faces)).tolist() == expected
+    assert have_opposite_faces(PLACES, WORLD, np.array(faces)).tolist() == expected
 
 
 def test_faces_of_different_bodies_are_no_twins():
     poses = np.array([0, 0, 0, 0, 1, 1, 1])
-    assert not have_opposite_twins(PLACES, poses, np.array([[0, 1, 2], [4, 6, 5]])).any()
-    assert have_opposite_twins(PLACES[:0], poses[:0], np.zeros((0, 3), dtype=int)).tolist() == []
+    assert not have_opposite_faces(PLACES, poses, np.array([[0, 1, 2], [4, 6, 5]])).any()
+    assert have_opposite_faces(PLACES[:0], poses[:0], np.zeros((0, 3), dtype=int)).tolist() == []
 
 
 def inside_out(mesh: TriMesh) -> TriMesh:

@@ -7,7 +7,7 @@ import pytest
 
 from artiskill.assets.catalog import load_object
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.scene.cache import cached_scene
+from artiskill.scene.scene import cached_scene
 from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import with_values
 

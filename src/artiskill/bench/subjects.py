@@ -13,10 +13,9 @@ from artiskill.envs.sampling import EpisodeSampler
 from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.envs.vision import PointCloudObserver
 from artiskill.envs.wrappers import PointCloudDownsample
-from artiskill.scene.cache import cached_scene
-from artiskill.scene.layout import Layout
-from artiskill.scene.scene import Scene
-from artiskill.sensors.downsample import make_sampler
+from artiskill.scene.layout import SceneLayout
+from artiskill.scene.scene import Scene, cached_scene
+from artiskill.sensors.observations.sampling import make_sampler
 from artiskill.sim.simulation import BareEngine, Simulation
 from artiskill.sim.states import InitialState
 from artiskill.tasks.levels import RngStream, level_generator
@@ -123,7 +122,7 @@ class Ceiling:
     def start(self, levels: np.ndarray) -> None:
         """Make models and states as the environments have them at the start of these levels, (B,)."""
         self._groups = []  # the memory first
-        arriving: dict[Layout, list[tuple[int, Scene, InitialState]]] = {}
+        arriving: dict[SceneLayout, list[tuple[int, Scene, InitialState]]] = {}
         for env, level in enumerate(levels.tolist()):
             obj, _ = self._casting.draw(level)
             scene = cached_scene(self._task.robot, obj, self._task.physics, self._task.props)

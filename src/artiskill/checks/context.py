@@ -11,8 +11,13 @@ import numpy as np
 from artiskill.assets.articulated_object import ArticulatedObject, Joint
 from artiskill.assets.kinematics import link_poses
 from artiskill.checks.config import CategoryConfig, ChecksConfig, DynamicsConfig
-from artiskill.scene.object_model import WHEEL_PART
-from artiskill.scene.object_scene import ObjectScene, build_object_scene, object_spec, resolve_object_scene
+from artiskill.scene.object_model import (
+    WHEEL_PART,
+    ObjectScene,
+    build_object_scene,
+    object_spec,
+    resolve_object_scene,
+)
 from artiskill.scene.physics import ContactConfig, PhysicsConfig
 
 Limits = tuple[float | None, float | None]

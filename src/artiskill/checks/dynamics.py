@@ -11,8 +11,8 @@ from artiskill.assets.articulated_object import ArticulatedObject, Joint
 from artiskill.checks.config import DriveConfig, PushConfig
 from artiskill.checks.context import FREE, CheckContext, CheckResult, at_least, at_most, fine
 from artiskill.geometry.rotations import quat_conjugate, quat_rotate
-from artiskill.scene.object_scene import ObjectScene, build_object_scene, object_spec, resolve_object_scene
-from artiskill.scene.options import Group, set_contact
+from artiskill.scene.object_model import ObjectScene, build_object_scene, object_spec, resolve_object_scene
+from artiskill.scene.physics import Group, set_contact
 
 _DRIVE_STEPS = 20  # from one look at driven joints to the next
 _WATCH_STEPS = 10  # from one look at a free object to the next

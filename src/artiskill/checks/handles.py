@@ -24,10 +24,9 @@ from artiskill.geometry.rotations import (
 )
 from artiskill.robots.arm_config import ArmConfig, ShapeConfig, load_arm
 from artiskill.robots.config import load_robot
-from artiskill.robots.shapes import add_shape
-from artiskill.scene.object_scene import object_spec, resolve_object_scene
-from artiskill.scene.options import Group
-from artiskill.scene.physics import PhysicsConfig
+from artiskill.robots.model import add_shape
+from artiskill.scene.object_model import object_spec, resolve_object_scene
+from artiskill.scene.physics import Group, PhysicsConfig
 
 _GRIPPER = ("gripper/hand", "gripper/finger1", "gripper/finger2")
 _GROUND = "the ground"

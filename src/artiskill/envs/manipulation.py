@@ -17,8 +17,7 @@ from artiskill.envs.sampling import EpisodeSampler, ObjectChoice
 from artiskill.envs.state import EnvState, check_episode
 from artiskill.envs.window import open_window, render_modes_here
 from artiskill.errors import ConfigError, DivergedError, ResetNeededError
-from artiskill.scene.cache import cached_scene
-from artiskill.scene.scene import Scene
+from artiskill.scene.scene import Scene, cached_scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import check_state

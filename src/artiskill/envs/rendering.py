@@ -7,10 +7,9 @@ import numpy as np
 
 from artiskill.scene.scene import Scene
 from artiskill.sensors.camera import Camera
-from artiskill.sensors.framing import FAR_M, WorldCameraConfig, orbit_camera
+from artiskill.sensors.pictures.framing import FAR_M, WorldCameraConfig, orbit_camera
 from artiskill.sensors.render_config import RenderConfig, load_render_config
-from artiskill.sensors.renderer import Images, Renderer
-from artiskill.sensors.triangle_soup import BodyVisual
+from artiskill.sensors.renderer import BodyVisual, Images, Renderer
 from artiskill.sim.snapshot import Snapshot
 
 WIDTH, HEIGHT = 640, 480

@@ -13,15 +13,12 @@ import numpy as np
 from artiskill.envs.observation import ObservationContext
 from artiskill.errors import check_name
 from artiskill.scene.scene import Scene
-from artiskill.sensors.downsample import Sampler, make_sampler
-from artiskill.sensors.panorama import Panorama
-from artiskill.sensors.picture_sight import CHANNELS, PictureSight
-from artiskill.sensors.point_cloud import Rays, move_to_frame
+from artiskill.sensors.observations.cameras import Panorama
+from artiskill.sensors.observations.point_cloud import Rays, mask_codes, move_to_frame
+from artiskill.sensors.observations.raster_buffers import CHANNELS, PictureSight, Sight
+from artiskill.sensors.observations.sampling import Sampler, make_sampler
 from artiskill.sensors.render_config import RenderConfig
-from artiskill.sensors.renderer import Renderer
-from artiskill.sensors.segmentation import mask_codes
-from artiskill.sensors.sight import Sight
-from artiskill.sensors.triangle_soup import BodyVisual
+from artiskill.sensors.renderer import BodyVisual, Renderer
 from artiskill.tasks.fields import field_bounds, observe_robot, robot_fields
 from artiskill.tasks.levels import RngStream, level_generator
 from artiskill.tasks.task import Task

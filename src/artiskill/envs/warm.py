@@ -10,8 +10,8 @@ from artiskill.envs.options import CONTROL_MODES
 from artiskill.envs.sampling import EpisodeSampler, ObjectChoice
 from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.envs.wrappers import PointCloudDownsample
-from artiskill.scene.cache import CAPACITY, cached_scene
-from artiskill.sensors.downsample import SAMPLERS
+from artiskill.scene.scene import CAPACITY, cached_scene
+from artiskill.sensors.observations.sampling import SAMPLERS
 from artiskill.tasks.registry import make_task, task_names
 
 _VISUAL_TASK = "PushChair"
@@ -30,7 +30,7 @@ def warm_scenes(task: str, objects: ObjectChoice = "train", config: Mapping[str,
         config: likewise.
 
     Returns:
-        How many scenes were built: no more than are kept (`scene.cache.CAPACITY`).
+        How many scenes were built: no more than are kept (`scene.scene.CAPACITY`).
 
     Raises:
         UnknownNameError: an unknown task, object or split.

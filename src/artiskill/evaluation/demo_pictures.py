@@ -13,7 +13,7 @@ from artiskill.evaluation.film import draw_instants
 from artiskill.evaluation.pictures import check_picture, write_picture
 from artiskill.evaluation.scene_pictures import PictureStyle
 from artiskill.geometry.rotations import quat_to_matrix
-from artiskill.sensors.sheet import below, beside
+from artiskill.sensors.pictures.compose import below, beside
 
 _SAMPLES = 10  # of a trajectory, when it is compared with others
 _HAND_SHARE = 0.3  # weight of joints, in radians, beside the base's place in metres

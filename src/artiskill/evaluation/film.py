@@ -20,10 +20,9 @@ from artiskill.geometry.meshes import convex_hull
 from artiskill.geometry.rotations import transform_points
 from artiskill.scene.scene import Scene
 from artiskill.sensors.camera import Camera
-from artiskill.sensors.framing import following_cameras
+from artiskill.sensors.pictures.framing import following_cameras
 from artiskill.sensors.render_config import load_render_config
-from artiskill.sensors.renderer import Renderer
-from artiskill.sensors.triangle_soup import BodyVisual
+from artiskill.sensors.renderer import BodyVisual, Renderer
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.move_bucket.goal import BucketGoal
 from artiskill.tasks.open_cabinet.goal import OpenGoal

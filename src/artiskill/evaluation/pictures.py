@@ -23,7 +23,7 @@ from artiskill.evaluation.report_files import check_folder
 from artiskill.evaluation.scene_pictures import PictureStyle, check_size
 from artiskill.evaluation.video import write_video
 from artiskill.jobs.whole_files import output_path, whole_file
-from artiskill.sensors.object_picture import AZIMUTH_DEG, CLOSED, ELEVATION_DEG, ObjectView
+from artiskill.sensors.pictures.objects import AZIMUTH_DEG, CLOSED, ELEVATION_DEG, ObjectView
 from artiskill.sensors.render_config import RenderConfig
 from artiskill.tasks.levels import check_level
 

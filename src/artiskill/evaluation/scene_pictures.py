@@ -10,11 +10,10 @@ from artiskill.envs.vision import PointCloudObserver
 from artiskill.errors import ConfigError, UnknownNameError
 from artiskill.scene.scene import Scene
 from artiskill.sensors.camera import Camera
-from artiskill.sensors.framing import WorldCameraConfig
-from artiskill.sensors.overlay import draw_points, paint_depth, paint_masks
+from artiskill.sensors.observations.point_cloud import FIRST_ID, mask_codes
+from artiskill.sensors.pictures.compose import below, beside, draw_points, of_width, paint_depth, paint_masks
+from artiskill.sensors.pictures.framing import WorldCameraConfig
 from artiskill.sensors.render_config import RenderConfig
-from artiskill.sensors.segmentation import FIRST_ID, mask_codes
-from artiskill.sensors.sheet import below, beside, of_width
 from artiskill.tasks.task import Task
 
 VIEWS = ("world", "sensor", "cloud", "all")

@@ -18,9 +18,9 @@ from artiskill.assets.articulated_object import ArticulatedObject, CollisionShap
 from artiskill.assets.finishes import srgb_to_linear
 from artiskill.errors import AssetError
 from artiskill.geometry.meshes import TriMesh, convex_hull
-from artiskill.scene.object_scene import ObjectScene, build_object_scene
+from artiskill.geometry.normals import corner_normals
+from artiskill.scene.object_model import ObjectScene, build_object_scene
 from artiskill.scene.physics import PhysicsConfig
-from artiskill.sensors.normals import corner_normals
 
 MATERIALS_FILE = "materials.mtl"
 _CREASE_RAD = math.radians(40)  # rounder edges than this look smooth

@@ -23,10 +23,8 @@ from artiskill.exports.common import (
     write_surfaces,
     write_xml,
 )
-from artiskill.scene.object_model import FREE_CATEGORIES, OBJECT_PREFIX
-from artiskill.scene.object_scene import ObjectScene
-from artiskill.scene.options import Group
-from artiskill.scene.physics import PhysicsConfig
+from artiskill.scene.object_model import FREE_CATEGORIES, OBJECT_PREFIX, ObjectScene
+from artiskill.scene.physics import Group, PhysicsConfig
 
 SCENE_FILE = "scene.xml"
 _MESHES, _TEXTURES = "meshes", "textures"

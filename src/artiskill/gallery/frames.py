@@ -10,7 +10,7 @@ import numpy as np
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.gallery.config import GalleryConfig
 from artiskill.jobs.whole_files import whole_file
-from artiskill.sensors.object_picture import ObjectView
+from artiskill.sensors.pictures.objects import ObjectView
 from artiskill.sensors.render_config import load_render_config
 
 _EFFORT = 5  # of WebP's encoder, 0 to 6

@@ -8,9 +8,8 @@ import numpy as np
 from artiskill.assets.articulated_object import Material, VisualMesh
 from artiskill.geometry.meshes import TriMesh
 from artiskill.geometry.primitives import box, cylinder, sphere
-from artiskill.robots.shapes import add_shape
-from artiskill.scene.options import Group, set_contact
-from artiskill.scene.physics import PhysicsConfig
+from artiskill.robots.model import add_shape
+from artiskill.scene.physics import Group, PhysicsConfig, set_contact
 
 PROP_PREFIX = "prop/"
 _SEGMENTS, _BEVEL_M = 24, 0.003

@@ -1,7 +1,7 @@
 """`Scene`: a compiled model of robot, object, props and ground, with every name resolved once."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -12,11 +12,9 @@ from artiskill.assets.articulated_object import ArticulatedObject, VisualMesh
 from artiskill.robots.config import RobotConfig
 from artiskill.robots.model import RobotPart, add_robot
 from artiskill.robots.visuals import robot_visuals
-from artiskill.scene.layout import Layout, layout_of
+from artiskill.scene.layout import SceneLayout, add_padding, layout_of, plan_padding
 from artiskill.scene.object_model import ObjectPart, add_object
-from artiskill.scene.options import Group, set_contact, set_joint_limits_solver, set_options
-from artiskill.scene.padding import add_padding, plan_padding
-from artiskill.scene.physics import PhysicsConfig
+from artiskill.scene.physics import Group, PhysicsConfig, set_contact, set_joint_limits_solver, set_options
 from artiskill.scene.props import Prop, add_props
 
 # The engine would write each warning to a file in the working directory as well, where nobody asked for one; what
@@ -78,7 +76,7 @@ class Scene:
     physics: PhysicsConfig
     robot: RobotPart
     object: ArticulatedObject
-    layout: Layout
+    layout: SceneLayout
     props: tuple[Prop, ...] = ()
 
     @cached_property
@@ -201,3 +199,14 @@ def _runs(*sizes: int, total: int) -> list[slice]:
     """Slices of so many numbers each, one after the other; a last one has the rest."""
     ends = np.cumsum((0, *sizes)).tolist()
     return [slice(start, stop) for start, stop in pairwise((*ends, total))]
+
+
+CAPACITY = 256  # scenes; one takes a fifth to half a megabyte
+
+
+@lru_cache(maxsize=CAPACITY)
+def cached_scene(
+    robot: RobotConfig, obj: ArticulatedObject, physics: PhysicsConfig, props: tuple[Prop, ...] = ()
+) -> Scene:
+    """`build_scene`, remembered. Objects are told apart by identity: loading one twice gives the same instance."""
+    return build_scene(robot, obj, physics, props)

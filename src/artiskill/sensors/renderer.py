@@ -4,27 +4,132 @@ import math
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from artiskill.errors import ConfigError, StateError
-from artiskill.sensors.backdrop import fill_rest
-from artiskill.sensors.camera import Camera
-from artiskill.sensors.camera_batch import CameraBatch, common_resolution, views_of
-from artiskill.sensors.images import CHANNELS, Images, allocate_images, as_kernel_channels, check_channels
-from artiskill.sensors.lighting import View, lights, plain_colours, surfaces
-from artiskill.sensors.orthographic import transform_vertices
+from artiskill.errors import ConfigError, StateError, UnknownNameError, check_name
+from artiskill.sensors.camera import Camera, CameraBatch, View, Views, common_resolution, views_of
+from artiskill.sensors.drawing.backdrop import Channels, fill_rest
+from artiskill.sensors.drawing.buffers import drawing_of, thread_scratch
+from artiskill.sensors.drawing.picture_shading import PictureShader
+from artiskill.sensors.drawing.render import Poses, draw_view, pose_matrices, render_views
+from artiskill.sensors.drawing.scene_tables import BodyVisual, build_scene_tables, build_triangle_soup
+from artiskill.sensors.drawing.shading import lights, plain_colours, surfaces
+from artiskill.sensors.drawing.shadows import transform_vertices
+from artiskill.sensors.observations.raster_buffers import Sight
 from artiskill.sensors.render_config import RenderConfig
-from artiskill.sensors.render_views import Poses, Views, draw_view, pose_matrices, render_views
-from artiskill.sensors.resolve import Channels
-from artiskill.sensors.scene_tables import build_scene_tables
-from artiskill.sensors.scratch import drawing_of, thread_scratch
-from artiskill.sensors.shade_picture import PictureShader
-from artiskill.sensors.sight import Sight
-from artiskill.sensors.triangle_soup import BodyVisual, build_triangle_soup
 
-__all__ = ("CHANNELS", "Images", "Renderer")
+CHANNELS = ("rgb", "depth", "position_w", "geom", "body", "part")
+_NUMBERS = {"rgb": (np.uint8, 3), "depth": (np.float32, 0), "position_w": (np.float32, 3)}
+
+
+@dataclass(frozen=True, eq=False)
+class Images:
+    """What C cameras saw; only the channels that were asked for are there.
+
+    From `Renderer.render_batch` all have a leading dimension B, the environment.
+    """
+
+    _channels: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def __getitem__(self, channel: str) -> np.ndarray:
+        """A channel by its name.
+
+        Raises:
+            UnknownNameError: it was not rendered.
+        """
+        if channel not in self._channels:
+            raise UnknownNameError("image channel", channel, self._channels, "Ask for it when rendering.")
+        return self._channels[channel]
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the channels that are there."""
+        return tuple(self._channels)
+
+    @property
+    def rgb(self) -> np.ndarray:
+        """(C, H, W, 3) uint8 sRGB."""
+        return self["rgb"]
+
+    @property
+    def depth(self) -> np.ndarray:
+        """(C, H, W) float32 metres along the optical axis, 0 where nothing is."""
+        return self["depth"]
+
+    @property
+    def position_w(self) -> np.ndarray:
+        """(C, H, W, 3) float32 world positions, 0 where nothing is."""
+        return self["position_w"]
+
+    @property
+    def geom(self) -> np.ndarray:
+        """(C, H, W) int32 index of the visual; `backdrop.NOTHING` (-1) or `FLOOR` (-2) where there is none."""
+        return self["geom"]
+
+    @property
+    def body(self) -> np.ndarray:
+        """(C, H, W) int32 index of the body; -1 where nothing is, -2 for the floor and all that never moves."""
+        return self["body"]
+
+    @property
+    def part(self) -> np.ndarray:
+        """(C, H, W) int32 index into `Renderer.part_names`; -1 where nothing is, -2 for the floor."""
+        return self["part"]
+
+
+def check_channels(channels: Sequence[str]) -> None:
+    """Raise `UnknownNameError` for the first that is none of `CHANNELS`."""
+    for channel in channels:
+        check_name("image channel", channel, CHANNELS)
+
+
+def allocate_images(channels: Sequence[str], shape: tuple[int, ...], out: Images | None) -> Images:
+    """Arrays for the channels, new ones or those of an earlier result.
+
+    Args:
+        channels: any of `CHANNELS`.
+        shape: (..., C, H, W).
+        out: what to write into, or None.
+
+    Raises:
+        StateError: an array of `out` has the wrong shape or is not contiguous.
+    """
+    arrays = {}
+    for name in CHANNELS:
+        if name not in channels:
+            continue
+        kind, numbers = _NUMBERS.get(name, (np.int32, 0))
+        size = (*shape, numbers) if numbers else shape
+        if out is None:
+            arrays[name] = np.empty(size, dtype=kind)
+            continue
+        arrays[name] = array = out[name]
+        if array.shape != size or array.dtype != kind or not array.flags.c_contiguous:
+            raise StateError(
+                f"out[{name!r}] must be a contiguous {np.dtype(kind).name} array of shape {size}, "
+                f"not {array.dtype.name} of shape {array.shape}"
+            )
+    return Images(arrays)
+
+
+def as_kernel_channels(images: Images, leave_out: Sequence[str] = ()) -> Channels:
+    """The same arrays with one leading dimension for all views, empty where there is no such channel."""
+    arrays = []
+    for name in CHANNELS:
+        kind, numbers = _NUMBERS.get(name, (np.int32, 0))
+        tail = (numbers,) if numbers else ()
+        if name in images.channels and name not in leave_out:
+            array = images[name]
+            arrays.append(array.reshape(-1, *array.shape[array.ndim - len(tail) - 2 :]))
+        else:
+            arrays.append(np.empty((0, 0, 0, *tail), dtype=kind))
+    return Channels(*arrays)
+
+
+__all__ = ("CHANNELS", "BodyVisual", "Images", "Renderer")
 
 
 class Renderer:

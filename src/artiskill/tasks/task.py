@@ -12,8 +12,8 @@ from artiskill.robots.config import RobotConfig
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.props import Prop
 from artiskill.scene.scene import Scene
-from artiskill.sensors.framing import WorldCameraConfig
-from artiskill.sensors.panorama import CamerasConfig
+from artiskill.sensors.observations.cameras import CamerasConfig
+from artiskill.sensors.pictures.framing import WorldCameraConfig
 from artiskill.sensors.render_config import RenderConfig
 from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import InitialState

@@ -8,8 +8,8 @@ from typing import Any, TypeVar
 from artiskill.config import check, from_layers, load_yaml, merge_overrides
 from artiskill.robots.config import LIKE, RobotConfig, robot_mapping
 from artiskill.scene.physics import PhysicsConfig
-from artiskill.sensors.framing import WorldCameraConfig
-from artiskill.sensors.panorama import CamerasConfig
+from artiskill.sensors.observations.cameras import CamerasConfig
+from artiskill.sensors.pictures.framing import WorldCameraConfig
 from artiskill.sensors.render_config import RenderConfig, render_mapping
 
 _MOST_STEPS, _MOST_JOINTS = 1_000_000, 1000  # half a day of an episode; columns of the state vector

@@ -15,8 +15,7 @@ from artiskill.errors import AssetError
 from artiskill.geometry.meshes import TriMesh, depth_inside, merge
 from artiskill.geometry.primitives import box, lathe, tube
 from artiskill.scene.object_model import add_object
-from artiskill.scene.options import Group, set_contact, set_options
-from artiskill.scene.physics import PhysicsConfig
+from artiskill.scene.physics import Group, PhysicsConfig, set_contact, set_options
 
 # Radius and height, file units (0.3 m each): 0.72 units high, a wall of 0.035
 OUTSIDE = [(0.0, 0.0), (0.32, 0.0), (0.44, 0.72)]

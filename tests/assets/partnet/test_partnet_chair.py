@@ -14,8 +14,7 @@ from artiskill.assets.partnet.wheels import TREAD_HALF_WIDTH_M
 from artiskill.geometry.meshes import TriMesh
 from artiskill.geometry.primitives import box, cylinder, sphere
 from artiskill.scene.object_model import add_object
-from artiskill.scene.options import Group, set_contact, set_options
-from artiskill.scene.physics import PhysicsConfig
+from artiskill.scene.physics import Group, PhysicsConfig, set_contact, set_options
 
 SCALE = 0.8
 WHEEL_RADIUS, REACH, TRAIL = 0.05, 0.35, 0.03

@@ -17,8 +17,7 @@ from artiskill.assets.partnet.semantics import read_part_names
 from artiskill.assets.partnet.urdf import UrdfMesh, read_urdf
 from artiskill.geometry.rotations import quat_rotate
 from artiskill.scene.object_model import add_object
-from artiskill.scene.options import Group, set_contact, set_options
-from artiskill.scene.physics import PhysicsConfig
+from artiskill.scene.physics import Group, PhysicsConfig, set_contact, set_options
 
 pytestmark = pytest.mark.partnet
 

@@ -10,7 +10,7 @@ from artiskill.assets.partnet.simplify import cluster
 from artiskill.assets.partnet.thinning import MOST_TRIANGLES, share_out, thin_out
 from artiskill.geometry.meshes import TriMesh, sample_surface
 from artiskill.geometry.primitives import box, sphere
-from artiskill.sensors.twins import have_opposite_twins
+from artiskill.sensors.drawing.scene_tables import have_opposite_faces
 
 
 def link(*visuals: VisualMesh) -> Link:
@@ -78,7 +78,7 @@ def test_both_sides_of_a_surface_stay_back_to_back():
     assert [v.material.rgba[0] for v in found.visuals] == [1.0, 0.0]
     vertices = np.concatenate((outer.vertices, inner.vertices))
     faces = np.concatenate((outer.faces, inner.faces + len(outer.vertices)))
-    assert have_opposite_twins(vertices, np.zeros(len(vertices), dtype=int), faces).all()
+    assert have_opposite_faces(vertices, np.zeros(len(vertices), dtype=int), faces).all()
     for mesh, sign in ((outer, 1.0), (inner, -1.0)):
         a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
         assert (sign * np.sum(np.cross(b - a, c - a) * (a + b + c), axis=1) > 0).all()

@@ -12,7 +12,7 @@ from artiskill.demos.trajectory import Trajectory
 from artiskill.envs.control import Control
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import DivergedError
-from artiskill.scene.cache import cached_scene
+from artiskill.scene.scene import cached_scene
 from artiskill.sim.states import with_values
 
 _DIGEST_STEPS = 10  # states are compared so often, and at the end: what differs once stays different

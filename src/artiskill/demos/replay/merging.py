@@ -14,7 +14,7 @@ from artiskill.demos.replay.blocks import OUTCOMES, SOURCE, Block, outcome_table
 from artiskill.demos.replay.episodes import Outcome, OutcomeCounts
 from artiskill.demos.replay.manifest import FORMAT, SCHEMA_VERSION, TrainingEntry
 from artiskill.demos.replay.settings import ReplaySettings
-from artiskill.sensors.panorama import Panorama
+from artiskill.sensors.observations.cameras import Panorama
 
 
 def merge(

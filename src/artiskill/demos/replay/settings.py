@@ -13,7 +13,7 @@ from artiskill.envs.options import OBSERVATION_MODES
 from artiskill.envs.vision import FRAMES
 from artiskill.envs.wrappers import PointCloudDownsample
 from artiskill.errors import ConfigError, check_name, shown
-from artiskill.sensors.downsample import make_sampler
+from artiskill.sensors.observations.sampling import make_sampler
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Task
 

@@ -10,8 +10,7 @@ from gymnasium.utils import seeding
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.envs.sampling import EpisodeSampler, ObjectChoice
 from artiskill.envs.vector.fleet import Fleet, Start
-from artiskill.scene.cache import cached_scene
-from artiskill.scene.scene import Scene
+from artiskill.scene.scene import Scene, cached_scene
 from artiskill.tasks.levels import MAX_LEVEL, RngStream, level_generator
 from artiskill.tasks.progress import EpisodeProgress
 from artiskill.tasks.task import Task

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from artiskill.errors import Cause, DivergedError
-from artiskill.scene.layout import Layout
+from artiskill.scene.layout import SceneLayout
 from artiskill.scene.scene import Scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
@@ -99,7 +99,7 @@ class Fleet:
 
     def __init__(self, num_envs: int, num_threads: int) -> None:
         self.num_envs, self._num_threads = num_envs, num_threads
-        self._squads: dict[Layout, Squad] = {}
+        self._squads: dict[SceneLayout, Squad] = {}
         self._squad_of: list[Squad | None] = [None] * num_envs
         self.slot = np.full(num_envs, FREE)
 
@@ -128,7 +128,7 @@ class Fleet:
 
     def start(self, envs: Sequence[int], starts: Sequence[Start]) -> None:
         """Begin episodes; environments go over to another squad where their scene's layout asks for it."""
-        arriving: dict[Layout, list[tuple[int, Start]]] = {}
+        arriving: dict[SceneLayout, list[tuple[int, Start]]] = {}
         for env, start in zip(envs, starts, strict=True):
             arriving.setdefault(start.scene.layout, []).append((env, start))
         for layout, group in arriving.items():
@@ -140,13 +140,13 @@ class Fleet:
             squad.start([slot for slot, _ in placed], [start for _, start in placed])
             squad.look()
 
-    def _leave(self, env: int, layout: Layout) -> None:
+    def _leave(self, env: int, layout: SceneLayout) -> None:
         squad = self._squad_of[env]
         if squad is not None and squad is not self._squads.get(layout):
             squad.seat(FREE, int(self.slot[env]))
             self._squad_of[env], self.slot[env] = None, FREE
 
-    def _enter(self, layout: Layout, group: list[tuple[int, Start]]) -> Squad:
+    def _enter(self, layout: SceneLayout, group: list[tuple[int, Start]]) -> Squad:
         new = [env for env, _ in group if self._squad_of[env] is None]
         if layout not in self._squads:
             start, slots = group[0][1], _with_spare(len(new), self.num_envs)

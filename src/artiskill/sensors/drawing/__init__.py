@@ -1,0 +1,1 @@
+"""Drawing: surfaces, poses and cameras to buffers, and buffers to colours."""

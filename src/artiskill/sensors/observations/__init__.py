@@ -1,0 +1,1 @@
+"""Observations: the robot's cameras, their images, point clouds and masks."""

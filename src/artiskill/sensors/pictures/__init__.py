@@ -1,0 +1,1 @@
+"""Pictures for people: objects, cameras that frame them, overlays and sheets."""
