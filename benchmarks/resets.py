@@ -83,7 +83,7 @@ def resident() -> float:
     return memory
 
 
-def measure(job: tuple[str, argparse.Namespace], tell: Callable[[Any], None]) -> Figures:
+def measure(job: tuple[str, argparse.Namespace], send: Callable[[Any], None]) -> Figures:
     """One task's figures, in a process of its own, so that its memory is its own."""
     task, options = job
     objects = all_objects(task)
@@ -92,7 +92,7 @@ def measure(job: tuple[str, argparse.Namespace], tell: Callable[[Any], None]) ->
     for _ in range(VISITS):
         visit_all(env, objects)
     before, seen = resident(), set()
-    tell(f"{task}: {len(objects)} objects, {before:.0f} MB after warm-up")
+    send(f"{task}: {len(objects)} objects, {before:.0f} MB after warm-up")
     memory, rounds = [before], -(-options.resets // env.num_envs)
     actions = np.zeros(env.action_space.shape, np.float32)
     spent_s = 0.0
@@ -106,7 +106,7 @@ def measure(job: tuple[str, argparse.Namespace], tell: Callable[[Any], None]) ->
             memory.append(resident())
             each_ms = 1e3 * spent_s / (number * env.num_envs)
             growth = memory[-1] - before
-            tell(f"  {number * env.num_envs:6} resets, {growth:+.1f} MB, {each_ms:.2f} ms each")
+            send(f"  {number * env.num_envs:6} resets, {growth:+.1f} MB, {each_ms:.2f} ms each")
     return {
         "task": task,
         "obs_mode": options.obs,
@@ -121,6 +121,8 @@ def measure(job: tuple[str, argparse.Namespace], tell: Callable[[Any], None]) ->
 
 
 def main() -> None:
+    import resets  # by its name, under which another process can import it
+
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--task", nargs="+", choices=(*task_names(), "all"), default=["all"])
     parser.add_argument("--resets", type=int, default=20_000)
@@ -131,7 +133,7 @@ def main() -> None:
     options = parser.parse_args()
     machine = machine_facts()
     figures = [
-        run_jobs(measure, [(task, options)], workers=1, on_news=print, own_process=True)[0]
+        run_jobs(resets.measure, [(task, options)], workers=1, on_message=print, isolated=True)[0]
         for task in (task_names() if "all" in options.task else options.task)
     ]
     for row in figures:

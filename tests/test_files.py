@@ -1,22 +1,32 @@
 """Files and names of strangers: limits, regular files only, one reason in plain words."""
 
 import os
+import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
 import pytest
 
-from artiskill.errors import ArtiSkillError, UnknownNameError, closest, shown
+from artiskill import files
+from artiskill.errors import ArtiSkillError, ConfigError, UnknownNameError, closest, shown
 from artiskill.files import (
+    LOCK_FILE,
+    TEMPORARY_PREFIX,
+    atomic_write,
     check_path,
     check_writable,
     is_file,
     is_folder,
+    lock_folder,
     open_regular,
+    output_path,
     parse_json,
     parse_yaml,
     read_bytes,
     read_text,
+    remove_leftovers,
 )
 
 IMPOSSIBLE = {
@@ -153,3 +163,145 @@ def test_a_very_long_message_is_cut_in_its_middle() -> None:
     assert message.startswith("begin")
     assert message.endswith("end")
     assert len(message) < 2100
+
+
+def test_all_or_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "file.txt"
+    path.write_text("old")
+    with pytest.raises(UnicodeEncodeError), atomic_write(path) as temporary:
+        temporary.write_text("half \u00e4", encoding="ascii")
+    assert path.read_text() == "old"
+    with atomic_write(path) as temporary:
+        temporary.write_text("new")
+        assert temporary.suffix == ".txt"
+        assert path.read_text() == "old"
+    assert path.read_text() == "new"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_leftovers(tmp_path: Path) -> None:
+    """Those of `atomic_write` go; what anybody else calls alike stays."""
+    with atomic_write(tmp_path / "file.h5") as temporary:
+        ours = temporary
+    (tmp_path / "file.h5").rename(ours)  # as a killed process leaves it
+    (tmp_path / f"{TEMPORARY_PREFIX}of-my-own.txt").touch()
+    (tmp_path / "file.txt").touch()
+    remove_leftovers(tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [f"{TEMPORARY_PREFIX}of-my-own.txt", "file.txt"]
+
+
+def test_regular_files_only(tmp_path: Path) -> None:
+    """What is no regular file stays what it is; links stand for devices, lest a fault here harm the machine."""
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "device").symlink_to("/dev/null")
+    (tmp_path / "folder").mkdir()
+    for name in ("pipe", "device", "folder"):
+        kind = (tmp_path / name).lstat().st_mode
+        with pytest.raises(OSError, match=r"regular file|directory"), atomic_write(tmp_path / name):
+            pytest.fail("it was opened")
+        assert (tmp_path / name).lstat().st_mode == kind
+    for name in ("pipe", "device"):
+        with pytest.raises(ConfigError, match="not a regular file"):
+            output_path(tmp_path / name)
+    assert output_path(tmp_path / "folder") == tmp_path / "folder"
+    for bad in ("a\0b", "x" * 300, "\ud800", None, 3):
+        with pytest.raises(ConfigError):
+            output_path(bad)  # type: ignore[arg-type]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["device", "folder", "pipe"]
+
+
+@pytest.mark.parametrize("umask", [0o022, 0o077, 0o002])
+def test_files_have_the_users_umask(tmp_path: Path, umask: int) -> None:
+    before = os.umask(umask)
+    try:
+        (tmp_path / "usual").touch()
+        with atomic_write(tmp_path / "ours.PNG") as temporary:
+            temporary.write_text("a")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "ours.PNG").stat().st_mode == (tmp_path / "usual").stat().st_mode
+
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from artiskill.files import lock_folder
+with lock_folder(Path(sys.argv[1])):
+    print("holds", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_one_at_a_time(tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "out"
+    with lock_folder(folder):
+        with pytest.raises(
+            ConfigError, match=rf"another evaluation \(process {os.getpid()}\) is already writing to '{folder}'"
+        ):
+            lock_folder(folder).__enter__()
+        (folder / "result").touch()
+        assert (folder / LOCK_FILE).exists()
+    assert [path.name for path in folder.iterdir()] == ["result"]
+    with lock_folder(folder):
+        pass
+
+
+def test_nothing_made_in_vain_stays(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    with pytest.raises(KeyboardInterrupt), lock_folder(tmp_path / "mine" / "a" / "b"):
+        raise KeyboardInterrupt
+    assert [path.name for path in tmp_path.rglob("*")] == ["mine"]
+
+
+def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(ConfigError, match="Not a directory"), lock_folder(tmp_path / "file" / "out"):
+        pass
+
+
+def test_the_lock_of_a_killed_process_is_none(tmp_path: Path) -> None:
+    with subprocess.Popen([sys.executable, "-c", HOLD, str(tmp_path)], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        with pytest.raises(ConfigError, match=rf"process {process.pid}\b"), lock_folder(tmp_path):
+            pass
+        process.send_signal(signal.SIGKILL)
+    assert (tmp_path / LOCK_FILE).read_text() == str(process.pid)
+    with lock_folder(tmp_path):
+        assert (tmp_path / LOCK_FILE).read_text() == str(os.getpid())
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_lock_on_a_file_that_is_gone_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The last owner removes its file, and another one makes a new one, between our look at it and our lock."""
+    flock, calls = files._flock, []
+
+    def late(handle: int) -> None:
+        calls.append(handle)
+        if len(calls) == 1:
+            (tmp_path / LOCK_FILE).unlink()
+            (tmp_path / LOCK_FILE).touch()
+        flock(handle)
+
+    monkeypatch.setattr(files, "_flock", late)
+    with lock_folder(tmp_path):
+        assert len(calls) == 2
+        assert (tmp_path / LOCK_FILE).read_text() == str(os.getpid())
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc")
+def test_a_folder_that_no_file_system_takes() -> None:
+    with (
+        pytest.raises(ConfigError, match="cannot write to '/proc/demos': No such file"),
+        lock_folder(Path("/proc/demos")),
+    ):
+        pass
+
+
+def test_the_error_says_what_is_kept_out(tmp_path: Path) -> None:
+    with (
+        lock_folder(tmp_path),
+        pytest.raises(ConfigError, match=r"another collector \(process"),
+        lock_folder(tmp_path, "collector"),
+    ):
+        pass

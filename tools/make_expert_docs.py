@@ -16,9 +16,9 @@ from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.demos import Demos
 from artiskill.demos.header import TargetCount
 from artiskill.demos.verify import verify
+from artiskill.files import atomic_write
 from artiskill.gallery.tables import markdown
 from artiskill.jobs.parallel import available_cores
-from artiskill.jobs.whole_files import whole_file
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "experts.md"
 BEGIN, END = "<!-- made by tools/make_expert_docs.py -->", "<!-- end of what was made -->"
@@ -57,7 +57,7 @@ def main(arguments: list[str]) -> int:
         exact = {v.object: v.exact for v in verify(folder, available_cores(), objects=imported)}
         demos = Demos(folder)
         tasks[demos.manifest.settings.task] = [row_of(file, exact) for file in demos.files()]
-    with whole_file(options.page) as path:
+    with atomic_write(options.page) as path:
         path.write_text(with_tables(options.page.read_text(encoding="utf-8"), tasks), encoding="utf-8")
     return int(any(is_missing(row) for rows in tasks.values() for row in rows))
 

@@ -1,23 +1,27 @@
-"""Files and names that strangers give: read whole, within limits, and never anything but a regular file.
+"""Files that users name: read within limits, if they are regular files; written whole, by one process at a time.
 
-What is wrong with a file or a name comes out as an `OSError` with a reason in plain words, as the system's own
-errors do; what is wrong with its text, as a `ValueError`. Whoever reads turns them into an error of its own kind,
-with the file's name.
+What is wrong with a file or a name comes out of a function that reads as an `OSError` with a reason in plain
+words, as the system's own errors do; what is wrong with its text, as a `ValueError`. The caller turns them into
+an error of its own kind, with the file's name.
 """
 
 import errno
+import fcntl
 import io
 import json
 import os
+import re
+import secrets
 import stat
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import yaml
 
-from artiskill.errors import shown
+from artiskill.errors import ConfigError, shown
 
 MOST_JSON_BYTES = 100_000_000  # a manifest has 400 bytes for each object
 MOST_YAML_BYTES = 500_000  # a split file has 20 bytes for each object; PyYAML reads about 100 kB a second
@@ -28,6 +32,13 @@ _MOST_VALUES = 50_000  # of a YAML text, each as often as aliases repeat it
 _MOST_DIGITS = 1000  # of a number in YAML, which may count in sixties: 1:1:1:...
 _TOO_DEEP = f"it is nested more than {_MOST_DEPTH} levels deep"
 _TOO_MANY = f"it has more than {_MOST_VALUES} values, what aliases stand for included"
+
+# of names that a killed process may leave behind; whoever owns a folder alone may remove them
+TEMPORARY_PREFIX = ".part-"
+_TEMPORARY = re.compile(re.escape(TEMPORARY_PREFIX) + r"[a-z0-9_]{8}(\.[a-z0-9]+)?")
+LOCK_FILE = ".artiskill.lock"
+_TRIES = 100
+_NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
 
 
 def check_path(path: Path | str) -> Path:
@@ -223,3 +234,123 @@ def check_archive(file: BinaryIO, most_bytes: int) -> None:
 
 def _size(count: int) -> str:
     return f"{count / 1e6:.0f} MB" if count >= 1_000_000 else f"{count} bytes"
+
+
+@contextmanager
+def atomic_write(path: Path) -> Iterator[Path]:
+    """A temporary name beside a path; what is written there gets the path's name at the end, if all went well.
+
+    The file's mode is what the user's umask leaves of 0666, as of every file that a program makes.
+
+    Raises:
+        OSError: a folder, a device or a pipe is in its place, or nothing can be written there.
+    """
+    check_writable(path)
+    temporary = path.with_name(f"{TEMPORARY_PREFIX}{secrets.token_hex(4)}{path.suffix.lower()}")
+    os.close(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666))
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def output_path(given: Path | str) -> Path:
+    """The path of a file or folder that is to be written, if any could bear it; better said before the work.
+
+    Raises:
+        ConfigError: it is no path, or a device or pipe is there.
+    """
+    if not isinstance(given, Path | str):
+        raise ConfigError(f"the path of a file or folder was expected, not {shown(given)}")
+    try:
+        return check_writable(given)
+    except IsADirectoryError:
+        return check_path(given)
+    except OSError as error:
+        raise ConfigError(f"cannot write {shown(str(given))}: {error.strerror}") from error
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove temporary files of `atomic_write` in a folder that nobody else is writing to."""
+    for path in folder.glob(f"{TEMPORARY_PREFIX}*"):
+        if _TEMPORARY.fullmatch(path.name) and path.is_file():
+            path.unlink(missing_ok=True)
+
+
+@contextmanager
+def lock_folder(folder: Path, what: str = "evaluation") -> Iterator[None]:
+    """Make the folder and keep others out; leaves neither the lock nor a folder made in vain.
+
+    The lock is the kernel's (`flock`) on a file in the folder: it ends with its process, however that ends. Where
+    a file system has no such locks, nothing is kept out.
+
+    Args:
+        folder: that is written to.
+        what: another one of which is kept out, for the error.
+
+    Raises:
+        ConfigError: another process is at it, or the folder cannot be made.
+    """
+    folder = output_path(folder)
+    made = [path for path in (folder, *folder.parents) if not path.exists()]  # deepest first
+    try:
+        handle = _lock(folder, what)
+        try:
+            yield
+        finally:
+            (folder / LOCK_FILE).unlink(missing_ok=True)  # while it is ours
+            os.close(handle)
+    finally:
+        for path in made:
+            with suppress(OSError):  # not empty
+                path.rmdir()
+
+
+def _lock(folder: Path, what: str) -> int:
+    """The handle of the lock file that others find there, too."""
+    try:
+        for left in reversed(range(_TRIES)):  # its last owner may remove the file, or the folder, while we take it
+            try:
+                handle = _try_lock(folder, what)
+            except FileNotFoundError:
+                if not left:
+                    raise
+            else:
+                if handle is not None:
+                    return handle
+    except OSError as error:
+        raise ConfigError(f"cannot write to {str(folder)!r}: {error.strerror or error}") from error
+    raise ConfigError(f"cannot write to {str(folder)!r}: its lock disappears again and again")
+
+
+def _try_lock(folder: Path, what: str) -> int | None:
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / LOCK_FILE
+    handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    is_ours = False
+    try:
+        _flock(handle)
+        is_ours = os.path.samestat(os.fstat(handle), os.stat(path))
+        if is_ours:
+            os.ftruncate(handle, 0)
+            os.pwrite(handle, str(os.getpid()).encode(), 0)
+    except BlockingIOError as error:
+        owner = os.pread(handle, 20, 0).decode(errors="replace")
+        by = f" (process {owner})" if owner else ""
+        raise ConfigError(
+            f"another {what}{by} is already writing to {str(folder)!r}; choose another folder"
+        ) from error
+    finally:
+        if not is_ours:
+            os.close(handle)
+    return handle if is_ours else None
+
+
+def _flock(handle: int) -> None:
+    """Lock it; `BlockingIOError` if somebody else has."""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        if error.errno not in _NO_LOCKS:
+            raise

@@ -17,7 +17,7 @@ import yaml
 from artiskill import __version__
 from artiskill.cli.main import main
 from artiskill.cli.parser import UsageError, overrides_of
-from artiskill.jobs.reservation import reserved
+from artiskill.files import lock_folder
 
 Capture = pytest.CaptureFixture[str]
 SMALL = ["--objects", "cabinet-0005", "--episodes", "1", "--workers", "1"]
@@ -146,10 +146,10 @@ def test_an_earlier_report_is_not_taken_for_that_of_a_run_that_failed(tmp_path: 
 
 
 def test_only_one_evaluation_per_folder(tmp_path: Path, capsys: Capture) -> None:
-    with reserved(tmp_path):
+    with lock_folder(tmp_path):
         assert main(["evaluate", "--policy", "random", *SMALL, "--out", str(tmp_path)]) == 2
     shown = capsys.readouterr()
-    assert re.fullmatch(r"error: another evaluation \(process \d+\) writes to .*\n", shown.err)
+    assert re.fullmatch(r"error: another evaluation \(process \d+\) is already writing to .*\n", shown.err)
     assert not list(tmp_path.iterdir())
 
 

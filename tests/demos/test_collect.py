@@ -1,5 +1,4 @@
 import dataclasses
-import multiprocessing
 import os
 import signal
 import subprocess
@@ -22,7 +21,8 @@ from artiskill.demos.plan import Plan
 from artiskill.demos.unfinished import UNFINISHED, unfinished_objects, unlisted_files
 from artiskill.demos.verify import verify
 from artiskill.errors import ConfigError, DemoError, PolicyError, UnknownNameError
-from artiskill.jobs.reservation import reserved
+from artiskill.files import lock_folder
+from artiskill.jobs.fork_server import fork_server
 
 from .conftest import PER_OBJECT, begin, contents
 
@@ -170,8 +170,8 @@ def test_a_removed_file_is_made_again(own_drawers: Path, plan: MakePlan, drawers
 def test_one_collector_at_a_time(own_drawers: Path, plan: MakePlan) -> None:
     before = contents(own_drawers)
     with (
-        reserved(own_drawers, "collector"),
-        pytest.raises(ConfigError, match=rf"another collector or replay \(process {os.getpid()}\) writes to"),
+        lock_folder(own_drawers, "collector"),
+        pytest.raises(ConfigError, match=rf"another collector or replay \(process {os.getpid()}\) is already"),
     ):
         collect(plan(), own_drawers)
     assert contents(own_drawers) == before
@@ -357,8 +357,9 @@ def test_levels_that_there_are_not(plan: MakePlan, tmp_path: Path) -> None:
 
 def test_a_killed_worker_is_no_end(plan: MakePlan, drawers: Path, tmp_path: Path) -> None:
     def kill(attempt: object) -> None:
-        for child in multiprocessing.active_children():
-            child.kill()
+        server = fork_server()._process.pid
+        for child in Path(f"/proc/{server}/task/{server}/children").read_text().split():
+            os.kill(int(child), signal.SIGKILL)
 
     with pytest.raises(
         PolicyError, match=r"killed by signal 9.*all that was made before is kept: the same command"

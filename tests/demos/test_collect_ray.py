@@ -16,7 +16,7 @@ from artiskill.demos.attempts import Attempt
 from artiskill.demos.collect import collect
 from artiskill.demos.plan import Plan
 from artiskill.errors import ClusterError
-from artiskill.jobs.ray_cluster import RayCluster
+from artiskill.jobs.ray_jobs import RayCluster
 
 from .conftest import contents
 
@@ -63,7 +63,7 @@ def test_a_node_is_lost(root: Path, plan: MakePlan, tmp_path: Path, caplog: pyte
         nodes.wait_until_killed()
     finally:
         nodes.close()
-    assert any("lost, and begun anew" in message for message in caplog.messages)
+    assert any("lost, and started again" in message for message in caplog.messages)
     levels = [(attempt.object, attempt.target, attempt.level) for attempt in heard]
     assert len(levels) == len(set(levels))
     collect(plan(per_object=20), tmp_path / "local")

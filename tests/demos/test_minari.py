@@ -17,7 +17,7 @@ from artiskill.demos.replay.replay import replay
 from artiskill.demos.replay.settings import ReplaySettings, make_sampling
 from artiskill.demos.replay.training_file import TrainingFile, TrainingFiles
 from artiskill.errors import ConfigError, DemoError
-from artiskill.jobs.reservation import reserved
+from artiskill.files import lock_folder
 from artiskill.versions import versions
 
 TASK = "OpenCabinetDrawer"
@@ -128,7 +128,7 @@ def test_what_a_killed_export_left_is_removed(tmp_path: Path) -> None:
     left = tmp_path / "home/mine/.part-x-v0"
     (left / "dataset/data").mkdir(parents=True)
     (left / "dataset/data/main_data.hdf5").write_bytes(b"half")
-    with reserved(left, "export"), pytest.raises(ConfigError, match=r"another export .* writes to"):
+    with lock_folder(left, "export"), pytest.raises(ConfigError, match=r"another export .* is already writing to"):
         export_minari(training, tmp_path / "home", "mine/x-v0")
     assert (left / "dataset/data/main_data.hdf5").exists()  # it is somebody else's now
     path = export_minari(training, tmp_path / "home", "mine/x-v0")

@@ -22,7 +22,7 @@ from artiskill.demos.unfinished import UNFINISHED
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.wrappers import PointCloudDownsample
 from artiskill.errors import ConfigError, DemoError, UnknownNameError
-from artiskill.jobs.reservation import reserved
+from artiskill.files import lock_folder
 from artiskill.versions import versions
 
 SMALL = {"cameras.width": 40, "cameras.height": 16}
@@ -327,7 +327,7 @@ def test_bad_folders(drawers: Path, clouds: Path, tmp_path: Path) -> None:
         TrainingFiles(drawers.parent)
     with pytest.raises(DemoError, match="holds no training files of artiskill"):
         TrainingFiles(drawers)
-    with reserved(tmp_path / "x", "replay"), pytest.raises(ConfigError, match="another collector or replay"):
+    with lock_folder(tmp_path / "x", "replay"), pytest.raises(ConfigError, match="another collector or replay"):
         replay(drawers, tmp_path / "x", settings)
 
 

@@ -14,7 +14,7 @@ from artiskill.evaluation.evaluate import evaluate
 from artiskill.evaluation.plan import make_plan
 from artiskill.evaluation.report import Report, count
 from artiskill.evaluation.report_files import report_markdown
-from artiskill.jobs import workers
+from artiskill.jobs import worker
 
 OBJECTS = ["cabinet-0005", "cabinet-0010"]
 TASK = "OpenCabinetDrawer"
@@ -148,7 +148,7 @@ def test_a_policy_that_ends_its_worker_is_named_with_its_object(solution: Callab
 
 
 def test_a_time_limit_for_each_action(solution: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "_GRACE_S", 0.2)
+    monkeypatch.setattr(worker, "_GRACE_S", 0.2)
     path = solution(
         "import time\nclass Policy:\n    obs_mode = 'state'\n"
         "    def reset(self, observation, info):\n        self.level, self.step = info['level'], 0\n"

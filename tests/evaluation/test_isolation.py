@@ -19,7 +19,7 @@ from artiskill.evaluation.evaluate import evaluate
 from artiskill.evaluation.plan import make_plan
 from artiskill.evaluation.recording import record_video
 from artiskill.evaluation.report import Report
-from artiskill.jobs import workers as workers_module
+from artiskill.jobs import worker as worker_module
 
 TASK, OBJECTS = "OpenCabinetDrawer", ["cabinet-0005", "cabinet-0010", "cabinet-0028"]
 SHORT = {"episode_steps": 3}
@@ -124,7 +124,7 @@ AT_IMPORT = {
 def test_what_happens_at_import_is_told(
     solution: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch, kind: str, workers: int
 ) -> None:
-    monkeypatch.setattr(workers_module, "_GRACE_S", 0.2)
+    monkeypatch.setattr(worker_module, "_GRACE_S", 0.2)
     text, says = AT_IMPORT[kind]
     path = solution(text + "\n")
     limit = {"load_timeout_s": 0.5} if "loaded within" in says else {}
@@ -137,7 +137,7 @@ def test_what_happens_at_import_is_told(
 
 def test_a_hang_at_import_may_come_later(solution: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch) -> None:
     """The first look at a solution is no promise."""
-    monkeypatch.setattr(workers_module, "_GRACE_S", 0.2)
+    monkeypatch.setattr(worker_module, "_GRACE_S", 0.2)
     path = solution("def policy(observation):\n    return [0.0] * 13\n")
     plan = make_plan(TASK, path, OBJECTS[:1], 1, config=SHORT, load_timeout_s=0.5)
     path.write_text("while True:\n    pass\n")

@@ -13,27 +13,27 @@ import pytest
 
 from artiskill.errors import PolicyError
 from artiskill.jobs import parallel as parallel_module
-from artiskill.jobs import workers as workers_module
+from artiskill.jobs import worker as worker_module
 from artiskill.jobs.fork_server import ForkServer, fork_server
 from artiskill.jobs.parallel import run_jobs, run_source
-from artiskill.jobs.workers import IDLE, Busy
+from artiskill.jobs.worker import NO_DEADLINE, Deadline
 
 from .test_parallel import Doubling, fail_at_home, hang_or_stumble, square, stumble, vanish
 
-Tell = Callable[[object], None]
+Send = Callable[[object], None]
 remembered: list[int] = []
 
 
-def remember(job: int, tell: Tell) -> tuple[list[int], int]:
+def remember(job: int, send: Send) -> tuple[list[int], int]:
     remembered.append(job)
     return remembered, os.getpid()
 
 
-def look_around(job: str, tell: Tell) -> tuple[str, str | None, str, int]:
+def look_around(job: str, send: Send) -> tuple[str, str | None, str, int]:
     return os.getcwd(), os.environ.get(job), sys.path[0], hash("a text")
 
 
-def leave(job: Path, tell: Tell) -> None:
+def leave(job: Path, send: Send) -> None:
     """Leaves a process that would live on, and a thread that would."""
     import threading
 
@@ -42,24 +42,24 @@ def leave(job: Path, tell: Tell) -> None:
     threading.Thread(target=time.sleep, args=(600,)).start()
 
 
-def hang(job: Path, tell: Tell) -> None:
+def hang(job: Path, send: Send) -> None:
     job.write_text(str(os.getpid()))
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     while True:
         pass
 
 
-def dawdle(job: int, tell: Tell) -> int:
-    tell(Busy(f"job {job} dawdles", 0.4))
+def dawdle(job: int, send: Send) -> int:
+    send(Deadline(f"job {job} dawdles", 0.4))
     time.sleep(5.0 * (job == 2))
-    tell(IDLE)
+    send(NO_DEADLINE)
     return job
 
 
-def fail_after_tenths(job: int, tell: Tell) -> None:
+def fail_after_tenths(job: int, send: Send) -> None:
     for _ in range(job):
         time.sleep(0.1)
-        tell("news")
+        send("messages")
     raise PolicyError(f"job {job} failed")
 
 
@@ -101,10 +101,10 @@ def test_it_begins_where_its_parent_is(tmp_path: Path, monkeypatch: pytest.Monke
     assert text_hash == int(shown.stdout)
 
 
-def test_news_results_and_sources_are_as_ever() -> None:
-    news: list[object] = []
-    assert run_jobs(square, [3, 1, 2], 2, news.append, isolated=True) == [9, 1, 4]
-    assert sorted(news, key=str) == [1, 2, 3]
+def test_messages_results_and_sources_are_as_ever() -> None:
+    messages: list[object] = []
+    assert run_jobs(square, [3, 1, 2], 2, messages.append, isolated=True) == [9, 1, 4]
+    assert sorted(messages, key=str) == [1, 2, 3]
     assert run_jobs(square, [], 2, isolated=True) == []
     source = Doubling(10)
     run_source(square, source, 3, isolated=True)
@@ -113,7 +113,7 @@ def test_news_results_and_sources_are_as_ever() -> None:
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_errors_are_as_ever(workers: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers_module, "_GRACE_S", 0.2)
+    monkeypatch.setattr(worker_module, "_GRACE_S", 0.2)
     monkeypatch.setattr(parallel_module, "_PATIENCE_S", 1.0)
     with pytest.raises(PolicyError, match=r"^job 0: a worker process ended by itself \(exit status 7\): because$"):
         run_jobs(vanish, [0], workers, describe="job {}".format, isolated=True, hint="because")
@@ -186,7 +186,7 @@ def server() -> Iterator[ForkServer]:
     one.close()
 
 
-def count(job: int, tell: Tell) -> Any:
+def count(job: int, send: Send) -> Any:
     import colorsys
 
     return getattr(colorsys, "prepared", None)
@@ -217,7 +217,7 @@ def test_a_server_that_has_ended_is_replaced(server: ForkServer, monkeypatch: py
     server.close()
     assert not server.is_usable
     with pytest.raises(PolicyError, match="could not start"):
-        server.start(square)
+        server.start()
     monkeypatch.setattr("artiskill.jobs.fork_server._shared", server)
     other = fork_server()
     assert other is not server

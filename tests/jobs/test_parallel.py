@@ -6,39 +6,39 @@ from collections.abc import Callable
 import pytest
 
 from artiskill.errors import PolicyError, UnknownNameError
-from artiskill.jobs import workers as workers_module
+from artiskill.jobs import worker as worker_module
 from artiskill.jobs.parallel import available_cores, run_jobs, run_source
-from artiskill.jobs.workers import IDLE, Busy
+from artiskill.jobs.worker import NO_DEADLINE, Deadline
 
-Tell = Callable[[object], None]
+Send = Callable[[object], None]
 
 
-def square(job: int, tell: Tell) -> int:
-    tell(job)
+def square(job: int, send: Send) -> int:
+    send(job)
     return job * job
 
 
-def stumble(job: int, tell: Tell) -> int:
-    tell(job)
+def stumble(job: int, send: Send) -> int:
+    send(job)
     if job == 1:
         raise PolicyError("job 1 stumbled")
     for _ in range(200):
         time.sleep(0.05)
-        tell(job)
+        send(job)
     return job
 
 
-def vanish(job: int, tell: Tell) -> int:
+def vanish(job: int, send: Send) -> int:
     os._exit(7)
 
 
-def killed(job: int, tell: Tell) -> None:
+def killed(job: int, send: Send) -> None:
     if job == 1:
         os.kill(os.getpid(), signal.SIGKILL)
     time.sleep(0.5)
 
 
-def fail(job: Exception, tell: Tell) -> None:
+def fail(job: Exception, send: Send) -> None:
     raise job
 
 
@@ -47,11 +47,11 @@ class HomebodyError(Exception):
         super().__init__(f"{first} and {second}")
 
 
-def fail_at_home(job: int, tell: Tell) -> None:
+def fail_at_home(job: int, send: Send) -> None:
     raise HomebodyError(3, 4)
 
 
-def hang_or_stumble(job: int, tell: Tell) -> None:
+def hang_or_stumble(job: int, send: Send) -> None:
     if job == 1:
         time.sleep(0.3)
         raise PolicyError("job 1 stumbled")
@@ -60,20 +60,20 @@ def hang_or_stumble(job: int, tell: Tell) -> None:
         pass
 
 
-def dawdle(job: int, tell: Tell) -> int:
-    tell(Busy(f"job {job} dawdles", 0.5))
+def dawdle(job: int, send: Send) -> int:
+    send(Deadline(f"job {job} dawdles", 0.5))
     time.sleep(5.0 * (job == 2))
-    tell(IDLE)
+    send(NO_DEADLINE)
     time.sleep(0.7)  # within no limit
-    tell(job)
+    send(job)
     return job
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_results_keep_their_order_and_all_news_arrives(workers: int) -> None:
-    news: list[object] = []
-    assert run_jobs(square, [3, 1, 2], workers, news.append) == [9, 1, 4]
-    assert sorted(news, key=str) == [1, 2, 3]
+def test_results_keep_their_order_and_all_messages_arrives(workers: int) -> None:
+    messages: list[object] = []
+    assert run_jobs(square, [3, 1, 2], workers, messages.append) == [9, 1, 4]
+    assert sorted(messages, key=str) == [1, 2, 3]
 
 
 class Doubling:
@@ -96,10 +96,10 @@ class Doubling:
 
 @pytest.mark.parametrize("workers", [1, 3])
 def test_jobs_that_are_not_known_beforehand(workers: int) -> None:
-    source, news = Doubling(10), list[object]()
-    run_source(square, source, workers, news.append)
+    source, messages = Doubling(10), list[object]()
+    run_source(square, source, workers, messages.append)
     assert source.results == {job: job * job for job in range(1, 11)}
-    assert sorted(news, key=str) == sorted(range(1, 11), key=str)
+    assert sorted(messages, key=str) == sorted(range(1, 11), key=str)
 
 
 @pytest.mark.parametrize("workers", [1, 3])
@@ -134,16 +134,25 @@ class Doomed:
     def __reduce__(self) -> tuple[Callable[[str], object], tuple[str]]:
         return eval, (self.how,)
 
-    def __call__(self, job: int, tell: Tell) -> None:
+    def __call__(self, job: int, send: Send) -> None:
         """Nobody comes so far."""
 
 
-def test_a_worker_that_does_not_start_is_explained() -> None:
-    """Whoever killed it is told so; whoever has no `__main__` block is told that."""
-    with pytest.raises(PolicyError, match=r"was killed while it started \(killed by signal 9, Killed\): .*memory"):
-        run_jobs(Doomed("__import__('os').kill(__import__('os').getpid(), 9)"), [0, 1], 2)
-    with pytest.raises(PolicyError, match=r"could not start \(exit status 7\); a script .*__main__"):
-        run_jobs(Doomed("__import__('os')._exit(7)"), [0, 1], 2)
+@pytest.mark.parametrize(
+    ("code", "how"),
+    [
+        ("__import__('os').kill(__import__('os').getpid(), 9)", "killed by signal 9, Killed"),
+        ("__import__('os')._exit(7)", "exit status 7"),
+    ],
+)
+def test_a_worker_that_ends_while_it_unpacks_its_job_is_explained(code: str, how: str) -> None:
+    with pytest.raises(PolicyError, match=rf"^[01]: a worker process ended by itself \({how}\): memory ran out"):
+        run_jobs(Doomed(code), [0, 1], 2)
+
+
+def test_a_function_that_cannot_be_imported_is_an_error_of_its_job() -> None:
+    with pytest.raises(AttributeError, match="of_a_script"):
+        run_jobs(Doomed("__import__('time').of_a_script"), [0, 1], 2)
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -162,7 +171,7 @@ def test_an_error_that_cannot_travel_is_told_by_its_text() -> None:
 
 
 def test_a_hanging_job_does_not_hold_an_error_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers_module, "_GRACE_S", 0.2)
+    monkeypatch.setattr(worker_module, "_GRACE_S", 0.2)
     start = time.perf_counter()
     with pytest.raises(PolicyError, match="job 1 stumbled"):
         run_jobs(hang_or_stumble, [0, 1], 2)
@@ -170,13 +179,13 @@ def test_a_hanging_job_does_not_hold_an_error_up(monkeypatch: pytest.MonkeyPatch
 
 
 def test_a_job_of_another_process_may_have_a_time_limit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers_module, "_GRACE_S", 0.2)
-    news: list[object] = []
+    monkeypatch.setattr(worker_module, "_GRACE_S", 0.2)
+    messages: list[object] = []
     start = time.perf_counter()
     with pytest.raises(PolicyError, match="job 2 dawdles"):
-        run_jobs(dawdle, [0, 2], 1, news.append, own_process=True)
+        run_jobs(dawdle, [0, 2], 1, messages.append, isolated=True)
     assert time.perf_counter() - start < 10
-    assert news == [0]
+    assert messages == [0]
 
 
 def test_cores() -> None:

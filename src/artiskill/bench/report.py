@@ -9,7 +9,7 @@ from typing import Any
 from artiskill.bench.measure import Measurement
 from artiskill.bench.plot import draw
 from artiskill.errors import ConfigError
-from artiskill.jobs.whole_files import output_path, whole_file
+from artiskill.files import atomic_write, output_path
 
 JSON_FILE, PLOT_FILE = "bench.json", "bench.png"
 
@@ -41,11 +41,11 @@ def write_bench(report: BenchReport, folder: Path, plot: bool = True) -> list[Pa
     paths = [output_path(folder) / JSON_FILE]
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with whole_file(paths[0]) as temporary:
+        with atomic_write(paths[0]) as temporary:
             temporary.write_text(json.dumps(report.to_mapping(), indent=1) + "\n", encoding="utf-8")
         if plot:
             paths.append(folder / PLOT_FILE)
-            with whole_file(paths[1]) as temporary:
+            with atomic_write(paths[1]) as temporary:
                 draw(report.measurements, temporary)
     except OSError as error:
         raise ConfigError(f"cannot write to {str(folder)!r}: {error.strerror or error}") from error

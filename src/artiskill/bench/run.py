@@ -12,4 +12,4 @@ def measure_alone(case: Case) -> Measurement:
         ArtiSkillError: what it raised.
         PolicyError: the process ended by itself: memory ran out.
     """
-    return run_jobs(measure_case, [case], workers=1, describe=str, own_process=True)[0]
+    return run_jobs(measure_case, [case], workers=1, isolated=True)[0]

@@ -1,15 +1,10 @@
 """All checks of many objects, on several processes."""
 
 import json
-import multiprocessing
-import signal
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
-from typing import Any
 
 from artiskill import __version__
 from artiskill.assets.articulated_object import ArticulatedObject
@@ -24,7 +19,9 @@ from artiskill.checks.overlaps import check_closed, check_sweep
 from artiskill.checks.surfaces import check_cavity, check_surfaces
 from artiskill.config import to_mapping
 from artiskill.errors import ArtiSkillError, ConfigError
-from artiskill.jobs.whole_files import whole_file
+from artiskill.files import atomic_write
+from artiskill.jobs.parallel import run_jobs
+from artiskill.jobs.worker import Send
 
 LOADS, COMPILES, DUPLICATES = "loads", "compiles", "duplicates"
 Item = str | ArticulatedObject
@@ -118,15 +115,8 @@ def check_objects(
     if workers < 1:
         raise ConfigError(f"workers must be at least 1, not {workers}")
     config = config or default_checks_config()
-    on_done = on_done or (lambda report: None)
-    examine = partial(_examine, config=config)
-    if min(workers, len(items)) <= 1:
-        found = []
-        for item in items:
-            found.append(examine(item))
-            on_done(found[-1][0])
-    else:
-        found = _examine_on_processes(examine, items, workers, on_done)
+    jobs = [(item, config) for item in items]
+    found = run_jobs(_examine, jobs, workers, on_done, lambda job: object_id_of(job[0]))
     duplicates = _check_duplicates([descriptor for _, descriptor in found if descriptor is not None])
     return [
         replace(report, results=(*report.results, duplicates[report.id])) if report.id in duplicates else report
@@ -166,7 +156,7 @@ def write_json(reports: Sequence[ObjectReport], config: ChecksConfig, path: Path
         "config": to_mapping(config),
     }
     try:
-        with whole_file(path) as temporary:
+        with atomic_write(path) as temporary:
             temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"cannot write {str(path)!r}: {error.strerror or error}") from error
@@ -198,36 +188,20 @@ def _check_duplicates(descriptors: Sequence[Descriptor]) -> dict[str, CheckResul
     return results
 
 
-def _examine(item: Item, config: ChecksConfig) -> tuple[ObjectReport, Descriptor | None]:
-    """Do what a worker does for one object."""
+def _examine(job: tuple[Item, ChecksConfig], send: Send) -> tuple[ObjectReport, Descriptor | None]:
+    """Check one object and send its report."""
+    (item, config), descriptor = job, None
     start = time.perf_counter()
     try:
         obj = load_object(item) if isinstance(item, str) else item
         results = check_object(obj, config)
         descriptor = describe(obj, config.descriptor) if any(link.visuals for link in obj.links) else None
     except ArtiSkillError as error:
-        fault = replace(failed("object", str(error)), check=LOADS)
-        return ObjectReport(object_id_of(item), "", "", (fault,), time.perf_counter() - start), None
-    source = str(obj.metadata.get("source", ""))
-    remarks = tuple(map(str, obj.metadata.get("warnings", ())))
-    report = ObjectReport(obj.id, obj.category, source, tuple(results), time.perf_counter() - start, remarks)
+        results = [replace(failed("object", str(error)), check=LOADS)]
+        report = ObjectReport(object_id_of(item), "", "", tuple(results), time.perf_counter() - start)
+    else:
+        source = str(obj.metadata.get("source", ""))
+        remarks = tuple(map(str, obj.metadata.get("warnings", ())))
+        report = ObjectReport(obj.id, obj.category, source, tuple(results), time.perf_counter() - start, remarks)
+    send(report)
     return report, descriptor
-
-
-def _examine_on_processes(
-    examine: Callable[[Item], Any], items: Sequence[Item], workers: int, on_done: Callable[[ObjectReport], None]
-) -> list[tuple[ObjectReport, Descriptor | None]]:
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(workers, len(items)), context, initializer=_ignore_ctrl_c)
-    futures: list[Future[tuple[ObjectReport, Descriptor | None]]] = []
-    try:
-        futures = [pool.submit(examine, item) for item in items]
-        for future in as_completed(futures):
-            on_done(future.result()[0])
-        return [future.result() for future in futures]
-    finally:  # after an error or Ctrl-C, too: what has not begun never will
-        pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _ignore_ctrl_c() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles it

@@ -40,8 +40,8 @@ def run(arguments: argparse.Namespace) -> int:
     from artiskill.cli.parser import overrides_of
     from artiskill.cli.progress import Progress
     from artiskill.evaluation.report_files import check_folder
+    from artiskill.files import output_path
     from artiskill.jobs.parallel import available_cores
-    from artiskill.jobs.whole_files import output_path
 
     if arguments.json is not None:
         check_folder(output_path(arguments.json).absolute().parent)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from artiskill.demos.manifest import Manifest
     from artiskill.demos.plan import Plan
-    from artiskill.jobs.ray_cluster import RayCluster
+    from artiskill.jobs.ray_jobs import RayCluster
 
 EXIT_SHORT = 1
 
@@ -60,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
     from artiskill.cli.parser import overrides_of
     from artiskill.demos.hdf5 import load_h5py
     from artiskill.demos.plan import make_plan
-    from artiskill.jobs.ray_cluster import RayCluster
+    from artiskill.jobs.ray_jobs import RayCluster
 
     load_h5py()  # it is needed in the end: better said now
     cluster = None if arguments.ray is None else RayCluster(arguments.ray, arguments.workers)

@@ -48,10 +48,10 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _write(content: Any, path: Path) -> None:
     from artiskill.errors import ConfigError
-    from artiskill.jobs.whole_files import whole_file
+    from artiskill.files import atomic_write
 
     try:
-        with whole_file(path) as temporary:
+        with atomic_write(path) as temporary:
             temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"cannot write {str(path)!r}: {error.strerror or error}") from error

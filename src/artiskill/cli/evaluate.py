@@ -70,8 +70,8 @@ def run(arguments: argparse.Namespace) -> None:
     from artiskill.evaluation.evaluate import check_workers
     from artiskill.evaluation.recording import check_video
     from artiskill.evaluation.report_files import check_report_folder, write_files
+    from artiskill.files import lock_folder
     from artiskill.jobs.parallel import available_cores
-    from artiskill.jobs.reservation import reserved
 
     if arguments.video is not None:
         check_video(arguments.video, arguments.video_episodes)
@@ -83,7 +83,7 @@ def run(arguments: argparse.Namespace) -> None:
         plan = _plan(arguments)
         workers = available_cores() if arguments.workers is None else arguments.workers
         check_workers(plan, workers, arguments.step_timeout)
-    with nullcontext() if arguments.out is None else reserved(arguments.out):
+    with nullcontext() if arguments.out is None else lock_folder(arguments.out):
         with _earlier_report_told(arguments.out):
             report = _evaluate(arguments, plan, workers)
             if arguments.out is not None:

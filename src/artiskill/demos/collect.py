@@ -20,11 +20,9 @@ from artiskill.demos.unfinished import WORKER_HINT
 from artiskill.demos.unlisted import entry_of, file_name, with_unlisted
 from artiskill.demos.writing import make_header, write_object_file
 from artiskill.errors import ConfigError, DemoError, shown
+from artiskill.files import lock_folder, remove_leftovers
 from artiskill.jobs.parallel import run_source
-from artiskill.jobs.ray_cluster import RayCluster
-from artiskill.jobs.ray_jobs import connected
-from artiskill.jobs.reservation import reserved
-from artiskill.jobs.whole_files import remove_leftovers
+from artiskill.jobs.ray_jobs import RayCluster, connected
 
 OnAttempt = Callable[[Attempt], None]
 
@@ -63,12 +61,12 @@ def collect(
     with ExitStack() as stack:
         local = partial(run_source, workers=workers, hint=WORKER_HINT)
         run = local if cluster is None else stack.enter_context(connected(cluster))
-        stack.enter_context(reserved(folder, "collector or replay"))
+        stack.enter_context(lock_folder(folder, "collector or replay"))
         collection = Collection(plan, folder, on_attempt or (lambda attempt: None))
         if on_start is not None:
             on_start(collection)
         collection.finish_ready()
-        run(run_block, collection, on_news=collection.take_in, describe=lambda block: block.label)
+        run(run_block, collection, on_message=collection.take_in, describe=lambda block: block.label)
         return collection.manifest
 
 
@@ -77,7 +75,7 @@ class Collection:
 
     Args:
         plan: what is collected.
-        folder: `reserved` for it.
+        folder: `lock_folder` for it.
         on_attempt: called after every attempt.
 
     Attributes:

@@ -10,8 +10,7 @@ from typing import Any
 
 from artiskill.demos.hdf5_content import MOST_ARRAY_BYTES, check_content
 from artiskill.errors import ArtiSkillError, DemoError, MissingExtraError
-from artiskill.files import is_file, is_folder
-from artiskill.jobs.whole_files import whole_file
+from artiskill.files import atomic_write, is_file, is_folder
 
 # Structures of HDF5 1.10: small, readable by every library of the last years; the same content, the same bytes.
 _VERSIONS = ("v110", "v110")
@@ -52,7 +51,7 @@ def new_whole_file(path: Path) -> Iterator[Any]:
         yield file
         file.flush()
         image = file.id.get_file_image()
-    with writing(path), whole_file(path) as temporary, temporary.open("wb") as written:
+    with writing(path), atomic_write(path) as temporary, temporary.open("wb") as written:
         written.write(image)
         written.flush()
         os.fsync(written.fileno())
@@ -72,7 +71,7 @@ def new_large_file(path: Path, room: int) -> Iterator[Any]:
         DemoError: it cannot be written, or there is no room for it.
     """
     check_room(path, room)
-    with writing(path), whole_file(path) as temporary, temporary.open("r+b") as place:
+    with writing(path), atomic_write(path) as temporary, temporary.open("r+b") as place:
         with load_h5py().File(temporary, "w", libver=_VERSIONS) as file:
             if hasattr(os, "posix_fallocate"):
                 os.posix_fallocate(place.fileno(), 0, _with_spare(room))

@@ -9,8 +9,7 @@ from artiskill.assets.articulated_object import LEGAL_ID
 from artiskill.config import from_mapping, to_mapping
 from artiskill.demos.header import check_format
 from artiskill.errors import ConfigError, DemoError, shown
-from artiskill.files import check_path, parse_json, read_bytes
-from artiskill.jobs.whole_files import whole_file
+from artiskill.files import atomic_write, check_path, parse_json, read_bytes
 
 MANIFEST = "manifest.json"
 
@@ -106,7 +105,7 @@ def write_json(content: Any, folder: Path, wanted: str, version: int) -> None:
     """
     values = {"format": wanted, "schema_version": version, **to_mapping(content)}
     try:
-        with whole_file(folder / MANIFEST) as temporary, temporary.open("w", encoding="utf-8") as file:
+        with atomic_write(folder / MANIFEST) as temporary, temporary.open("w", encoding="utf-8") as file:
             file.write(json.dumps(values, indent=1) + "\n")
             file.flush()
             os.fsync(file.fileno())  # as the files that it lists

@@ -15,7 +15,7 @@ from artiskill.demos.columns import Columns
 from artiskill.demos.recording import ARRAYS, Recording
 from artiskill.demos.unfinished import KEPT, UNFINISHED, remove_unfinished
 from artiskill.errors import DemoError
-from artiskill.jobs.whole_files import remove_leftovers, whole_file
+from artiskill.files import atomic_write, remove_leftovers
 from artiskill.tasks.levels import check_level
 
 # what numpy raises of damaged files
@@ -62,7 +62,7 @@ class Staging:
         about = _about(attempt) | {"content_hash": content_hash, "settings_hash": self._settings_hash}
         with _writing(path.parent):
             path.parent.mkdir(parents=True, exist_ok=True)
-            with whole_file(path) as temporary, temporary.open("wb") as file:
+            with atomic_write(path) as temporary, temporary.open("wb") as file:
                 np.savez(file, about=np.array(json.dumps(about)), **arrays)
 
     def begin(self, object_id: str) -> None:

@@ -97,7 +97,7 @@ def run_batches(
     plan: Plan,
     batches: Sequence[EpisodeBatch],
     workers: int,
-    on_news: Callable[[Any], None] | None = None,
+    on_message: Callable[[Any], None] | None = None,
     step_timeout_s: float | None = None,
 ) -> list[Result]:
     """Have something done with batches of a plan.
@@ -114,7 +114,7 @@ def run_batches(
     load_timeout_s = plan.load_timeout_s if isolated else None
     jobs = [BatchJob(batch, load_timeout_s, step_timeout_s) for batch in batches]
     return run_jobs(
-        function, jobs, workers, on_news, lambda job: job.batch.label, isolated=isolated, hint=WORKER_HINT
+        function, jobs, workers, on_message, lambda job: job.batch.label, isolated=isolated, hint=WORKER_HINT
     )
 
 

@@ -22,7 +22,7 @@ from artiskill.evaluation.recording import check_video
 from artiskill.evaluation.report_files import check_folder
 from artiskill.evaluation.scene_pictures import PictureStyle, check_size
 from artiskill.evaluation.video import write_video
-from artiskill.jobs.whole_files import output_path, whole_file
+from artiskill.files import atomic_write, output_path
 from artiskill.sensors.pictures.objects import AZIMUTH_DEG, CLOSED, ELEVATION_DEG, ObjectView
 from artiskill.sensors.render_config import RenderConfig
 from artiskill.tasks.levels import check_level
@@ -170,7 +170,7 @@ def write_picture(path: Path | str, picture: np.ndarray) -> Path:
     path = output_path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(path) as temporary:
+        with atomic_write(path) as temporary:
             Image.fromarray(np.ascontiguousarray(picture)).save(temporary, optimize=True, quality=92)
     except OSError as error:
         raise ConfigError(f"cannot write the picture {str(path)!r}: {error.strerror or error}") from error

@@ -15,7 +15,7 @@ from artiskill.evaluation.plan import Plan
 from artiskill.evaluation.report_files import check_folder
 from artiskill.evaluation.scene_pictures import PictureStyle
 from artiskill.evaluation.video import write_video
-from artiskill.jobs.whole_files import output_path
+from artiskill.files import output_path
 
 
 def record_video(

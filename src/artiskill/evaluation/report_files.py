@@ -12,8 +12,7 @@ from pathlib import Path
 from artiskill.config import dump_yaml
 from artiskill.errors import ConfigError
 from artiskill.evaluation.report import Report, Tally
-from artiskill.jobs.reservation import reserved
-from artiskill.jobs.whole_files import output_path
+from artiskill.files import lock_folder, output_path
 
 REPORT_FILES = ("config.yaml", "episodes.csv", "report.csv", "report.md", "report.json")
 
@@ -31,13 +30,13 @@ def write_report(report: Report, folder: Path | str) -> Path:
     """
     folder = Path(folder)
     check_report_folder(folder)
-    with reserved(folder):
+    with lock_folder(folder):
         write_files(report, folder)
     return folder
 
 
 def write_files(report: Report, folder: Path) -> None:
-    """`write_report` to a folder that is there and already `reserved`.
+    """`write_report` to a folder that is there and already `lock_folder`.
 
     Raises:
         ConfigError: it cannot be written to; an earlier report is then as it was.

@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.spatial import cKDTree
 
 from artiskill.errors import ConfigError, MissingExtraError, shown
-from artiskill.jobs.whole_files import output_path, whole_file
+from artiskill.files import atomic_write, output_path
 
 # one colour stays free for GIF's "as in the frame before"
 _GIF_COLOURS = 255
@@ -56,7 +56,7 @@ def write_video(path: Path | str, frames: Sequence[np.ndarray], frames_per_secon
         )
     stacked = _checked(frames)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with whole_file(path) as temporary:
+    with atomic_write(path) as temporary:
         writers[suffix](temporary, stacked, float(frames_per_second))
     return path
 

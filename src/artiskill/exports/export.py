@@ -17,7 +17,7 @@ from artiskill.errors import ConfigError, check_name
 from artiskill.exports.glb import write_glb
 from artiskill.exports.mjcf import write_mjcf
 from artiskill.exports.urdf import write_urdf
-from artiskill.jobs.whole_files import output_path
+from artiskill.files import output_path
 
 _WRITERS: dict[str, Callable[[ArticulatedObject, Path], Path]] = {
     "mjcf": write_mjcf,

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.files import atomic_write
 from artiskill.gallery.config import GalleryConfig
-from artiskill.jobs.whole_files import whole_file
 from artiskill.sensors.pictures.objects import ObjectView
 from artiskill.sensors.render_config import load_render_config
 
@@ -47,7 +47,7 @@ def write_frames(frames: np.ndarray, path: Path, config: GalleryConfig) -> None:
     """Write the image; it appears whole or not at all."""
     from PIL import Image
 
-    with whole_file(path) as temporary:
+    with atomic_write(path) as temporary:
         Image.fromarray(frames).save(temporary, format="WEBP", quality=config.webp_quality, method=_EFFORT)
 
 

@@ -14,13 +14,13 @@ from artiskill import __version__
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object, object_id_of
 from artiskill.errors import ConfigError
+from artiskill.files import atomic_write, output_path
 from artiskill.gallery.config import GalleryConfig, load_gallery_config
 from artiskill.gallery.facts import ObjectFacts, object_facts
 from artiskill.gallery.frames import draw_frames, frames_name, write_frames
 from artiskill.gallery.page import PICTURES, write_page
 from artiskill.gallery.sheets import write_sheets
 from artiskill.jobs.parallel import run_jobs
-from artiskill.jobs.whole_files import output_path, whole_file
 
 MARKER = "gallery.json"  # stands in every folder that a gallery was begun in
 SHEETS = "sheets"
@@ -107,7 +107,7 @@ def _claim(folder: Path, force: bool) -> None:
     try:
         for name in (PICTURES, SHEETS):
             (folder / name).mkdir(parents=True, exist_ok=True)
-        with whole_file(folder / MARKER) as temporary:
+        with atomic_write(folder / MARKER) as temporary:
             temporary.write_text(json.dumps({"made_by": f"ArtiSkill {__version__}"}) + "\n", encoding="utf-8")
     except OSError as error:
         raise _cannot_write(folder, error) from error

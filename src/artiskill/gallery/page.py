@@ -7,10 +7,10 @@ from importlib.resources import files as package_files
 from pathlib import Path
 
 from artiskill.assets.articulated_object import CATEGORIES
+from artiskill.files import atomic_write
 from artiskill.gallery.charts import category_chart
 from artiskill.gallery.config import GalleryConfig
 from artiskill.gallery.facts import ObjectFacts
-from artiskill.jobs.whole_files import whole_file
 
 PICTURES = "objects"
 PAGE, DATA, ASSETS = "index.html", "objects.js", ("gallery.css", "gallery.js")
@@ -47,7 +47,7 @@ def write_page(
     texts |= {name: _template(name) for name in ASSETS}
     texts[PAGE] = _template(PAGE).replace("<!-- charts -->", _charts(facts))
     for name, text in texts.items():
-        with whole_file(folder / name) as temporary:
+        with atomic_write(folder / name) as temporary:
             temporary.write_text(text, encoding="utf-8")
     return folder / PAGE
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from artiskill.files import atomic_write
 from artiskill.gallery.config import GalleryConfig
 from artiskill.gallery.facts import ObjectFacts
 from artiskill.gallery.frames import read_frame
-from artiskill.jobs.whole_files import whole_file
 
 _BACKGROUND, _INK = (250, 250, 248), (40, 42, 46)
 _LABEL_SHARE, _GAP = 0.13, 6  # height of a label's line, of the picture's width; pixels between pictures
@@ -62,5 +62,5 @@ def contact_sheet(frames: Sequence[np.ndarray], labels: Sequence[str], config: G
 def _write(sheet: np.ndarray, path: Path) -> None:
     from PIL import Image
 
-    with whole_file(path) as temporary:
+    with atomic_write(path) as temporary:
         Image.fromarray(sheet).save(temporary, format="WEBP", quality=_WEBP_QUALITY, method=4)

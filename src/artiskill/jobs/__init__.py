@@ -1,1 +1,1 @@
-"""Work on several processes, and files and folders that several processes may reach for."""
+"""Work on several processes, or on several machines."""

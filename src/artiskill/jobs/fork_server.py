@@ -17,15 +17,13 @@ import threading
 import traceback
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as wait_for_any
 from multiprocessing.reduction import recv_handle, send_handle
-from typing import Any
 
 from artiskill.errors import PolicyError
-from artiskill.jobs.workers import Worker, serve_jobs
+from artiskill.jobs.worker import Worker, serve_jobs
 
 _CODE = "import sys; sys.path[:] = {path!r}; from artiskill.jobs.fork_server import serve; serve({handle})"
 _CLOSING_S = 3.0
@@ -71,13 +69,10 @@ class ForkServer:
                 self._prepared.add(packed)
                 self._control.send((_PREPARE, packed))
 
-    def start(self, function: Callable[[Any, Any], Any]) -> Worker:
-        """A process that does jobs, forked.
+    def start(self) -> Worker:
+        """Fork a process that does jobs.
 
         It has this process's working directory, environment and module path as they are now.
-
-        Args:
-            function: of jobs, as `run_jobs` takes it.
 
         Raises:
             PolicyError: the server has ended.
@@ -86,7 +81,7 @@ class ForkServer:
         status, their_status = Pipe(duplex=False)
         with self._lock, theirs, their_status:
             try:
-                self._control.send((_FORK, pickle.dumps(function), (os.getcwd(), dict(os.environ), sys.path)))
+                self._control.send((_FORK, (os.getcwd(), dict(os.environ), sys.path)))
                 for handle in (theirs.fileno(), their_status.fileno()):
                     send_handle(self._control, handle, self._process.pid)
                 self._has_forked = True
@@ -98,7 +93,7 @@ class ForkServer:
             except BaseException:  # Ctrl-C: the answer would be taken for that to the next question
                 self._control.close()
                 raise
-        return Worker(_Forked(pid, status, partial(self._signal, pid)), connection)
+        return Worker(pid, status, connection, self._signal)
 
     def close(self) -> None:
         """End it, and all that it has forked."""
@@ -127,36 +122,6 @@ def fork_server() -> ForkServer:
         _shared = ForkServer()
         atexit.register(_shared.close)
     return _shared
-
-
-class _Forked:
-    """A forked process, with what a `Worker` needs of `multiprocessing.Process`.
-
-    Attributes:
-        sentinel: becomes ready when it ends.
-        exitcode: as of `multiprocessing.Process`; None also where the server ended before it.
-    """
-
-    def __init__(self, pid: int, status: Connection, send_signal: Callable[[int], None]) -> None:
-        self.sentinel, self._send_signal = status, send_signal
-        self.exitcode: int | None = None
-        self._is_over = False
-
-    def is_alive(self) -> bool:
-        self.join(0.0)
-        return not self._is_over
-
-    def join(self, timeout: float | None = None) -> None:
-        if not self._is_over and self.sentinel.poll(timeout):
-            self._is_over = True
-            with suppress(EOFError, OSError):  # the server has ended
-                self.exitcode = self.sentinel.recv()
-
-    def terminate(self) -> None:
-        self._send_signal(signal.SIGTERM)
-
-    def kill(self) -> None:
-        self._send_signal(signal.SIGKILL)
 
 
 # -- the server's end ---------------------------------------------------------------------------------------------
@@ -197,18 +162,18 @@ class _Server:
             for pid in self._children:
                 _signal_group(pid, signal.SIGKILL)
 
-    def _fork(self, packed: bytes, place: tuple[str, dict[str, str], list[str]]) -> None:
+    def _fork(self, place: tuple[str, dict[str, str], list[str]]) -> None:
         connection, status = (Connection(recv_handle(self._control)) for _ in range(2))
         pid = os.fork()
         if pid == 0:
-            os._exit(_exit_status(lambda: self._work(connection, packed, place)))
+            os._exit(_exit_status(lambda: self._work(connection, place)))
         with suppress(OSError):  # it does so itself, but perhaps not before it is sent a signal
             os.setpgid(pid, pid)
         self._children[pid] = status
         connection.close()
         self._control.send(pid)
 
-    def _work(self, connection: Connection, packed: bytes, place: tuple[str, dict[str, str], list[str]]) -> None:
+    def _work(self, connection: Connection, place: tuple[str, dict[str, str], list[str]]) -> None:
         """What a forked process does."""
         with suppress(OSError):
             os.setpgid(0, 0)
@@ -222,7 +187,7 @@ class _Server:
         os.chdir(folder)
         os.environ.clear()
         os.environ.update(environment)
-        serve_jobs(connection, pickle.loads(packed), self._life)
+        serve_jobs(connection, self._life)
 
     def _signal(self, pid: int, number: int) -> None:
         if pid in self._children:  # else its number may be another's by now

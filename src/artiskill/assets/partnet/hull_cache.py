@@ -17,8 +17,7 @@ from artiskill.assets.partnet.decompose import DecompositionPart
 from artiskill.assets.partnet.hull_workers import decompose_parts, default_workers
 from artiskill.assets.partnet.joining import join_hulls
 from artiskill.assets.partnet.meshes import limit_vertices
-from artiskill.files import check_archive, open_regular
-from artiskill.jobs.whole_files import whole_file
+from artiskill.files import atomic_write, check_archive, open_regular
 
 _LOGGER = logging.getLogger("artiskill.assets")
 _MOST_BYTES = 100_000_000  # the largest entry has 100 kB
@@ -148,5 +147,5 @@ def _save(path: Path, parts: list[list[np.ndarray]]) -> None:
     digest = np.frombuffer(_digest(path, points, sizes, counts), dtype=np.uint8)
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        with whole_file(path) as temporary:
+        with atomic_write(path) as temporary:
             np.savez(temporary, points=points, sizes=sizes, counts=counts, digest=digest)

@@ -13,7 +13,7 @@ import sys
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from multiprocessing import Pipe, parent_process
+from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as wait_for_any
 
@@ -22,6 +22,7 @@ import numpy as np
 from artiskill.assets.partnet.decompose import DecompositionPart, decompose, decompose_quickly
 from artiskill.errors import ArtiSkillError, AssetError
 from artiskill.jobs.parallel import available_cores
+from artiskill.jobs.worker import in_worker
 
 Hulls = list[np.ndarray]
 OnDone = Callable[[int, Hulls], None]
@@ -34,7 +35,7 @@ _COMMAND = "from artiskill.assets.partnet.hull_workers import serve; serve({})"
 
 def default_workers() -> int:
     """One per core; one alone in a process that is itself one of many."""
-    return available_cores() if parent_process() is None else 1
+    return 1 if in_worker() else available_cores()
 
 
 def decompose_parts(

@@ -8,8 +8,7 @@ from pathlib import Path
 from artiskill.demos.hdf5 import writing
 from artiskill.demos.replay.training_file import TrainingFiles
 from artiskill.errors import DemoError
-from artiskill.jobs.reservation import reserved
-from artiskill.jobs.whole_files import TEMPORARY_PREFIX, output_path
+from artiskill.files import TEMPORARY_PREFIX, lock_folder, output_path
 
 
 @contextmanager
@@ -30,7 +29,7 @@ def new_folder(path: Path) -> Iterator[Path]:
     try:
         with writing(path):
             path.parent.mkdir(parents=True, exist_ok=True)
-        with reserved(place, "export"), writing(path):
+        with lock_folder(place, "export"), writing(path):
             _check_is_free(path)
             try:
                 shutil.rmtree(temporary, ignore_errors=True)

@@ -19,8 +19,7 @@ from artiskill.demos.settings import settings_hash
 from artiskill.envs.control import Control
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import DemoError
-from artiskill.files import parse_json, read_bytes
-from artiskill.jobs.whole_files import whole_file
+from artiskill.files import atomic_write, parse_json, read_bytes
 
 OUTCOMES, SOURCE = "outcomes", "source_sha256"
 # a row of the dataset `outcomes`; `source` is the trajectory's number in the demonstrations, `trajectory` that in
@@ -92,7 +91,7 @@ class Block:
         Raises:
             DemoError: it cannot be written.
         """
-        with writing(self._seal_path), whole_file(self._seal_path) as temporary:
+        with writing(self._seal_path), atomic_write(self._seal_path) as temporary:
             temporary.write_text(json.dumps(self._seal_content()) + "\n", encoding="utf-8")
 
     def check(self) -> None:

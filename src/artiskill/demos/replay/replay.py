@@ -24,9 +24,8 @@ from artiskill.demos.replay.merging import merge
 from artiskill.demos.replay.settings import ReplaySettings
 from artiskill.demos.unfinished import UNFINISHED, WORKER_HINT, check_manifest, remove_unfinished
 from artiskill.errors import DemoError, shown
+from artiskill.files import lock_folder, output_path, remove_leftovers
 from artiskill.jobs.parallel import run_source
-from artiskill.jobs.reservation import reserved
-from artiskill.jobs.whole_files import output_path, remove_leftovers
 
 # Trajectories that a worker replays at a stretch, and keeps in memory: so many, or fewer if their observations may
 # take more than this, before they are compressed. Both are constants: where in a file things lie depends on them.
@@ -73,7 +72,7 @@ def replay(
         check_is_other, f"{str(folder)!r} holds the demonstrations; choose another folder for the training files"
     )
     settings.make_task()
-    with reserved(folder, "collector or replay"):
+    with lock_folder(folder, "collector or replay"):
         replaying = Replaying(source, folder, settings, objects, on_replayed or (lambda news: None))
         if on_start is not None:
             on_start(replaying)

@@ -4,37 +4,38 @@ from collections.abc import Callable
 import pytest
 
 from artiskill.errors import PolicyError
-from artiskill.jobs.ray_node import Outcome, facts, pack, play
+from artiskill.jobs.ray_driver import NodeOutcome, do_at_node, facts
+from artiskill.jobs.worker import pack
 from artiskill.versions import versions
 
-Tell = Callable[[object], None]
+Send = Callable[[object], None]
 
 
-def count_down(job: int, tell: Tell) -> str:
+def count_down(job: int, send: Send) -> str:
     for number in range(job, 0, -1):
-        tell(number)
+        send(number)
     return "lift-off"
 
 
-def stumble(job: int, tell: Tell) -> None:
-    tell("before")
+def stumble(job: int, send: Send) -> None:
+    send("before")
     raise PolicyError(f"job {job} stumbled")
 
 
-def played(packed: bytes, expected: dict[str, str]) -> Outcome:
-    return pickle.loads(play(packed, expected))
+def played(packed: bytes, expected: dict[str, str]) -> NodeOutcome:
+    return pickle.loads(do_at_node(packed, expected))
 
 
 def test_a_job_is_done() -> None:
     outcome = played(pack(count_down, 3), facts())
-    assert (outcome.kind, outcome.value, outcome.news) == ("done", "lift-off", [3, 2, 1])
+    assert (outcome.kind, outcome.value, outcome.messages) == ("done", "lift-off", [3, 2, 1])
     assert outcome.node
 
 
 def test_a_job_fails() -> None:
     outcome = played(pack(stumble, 7), facts())
     error, text = outcome.value
-    assert (outcome.kind, outcome.news) == ("failed", ["before"])
+    assert (outcome.kind, outcome.messages) == ("failed", ["before"])
     assert isinstance(error, PolicyError)
     assert str(error) == "job 7 stumbled"
     assert "in stumble\n" in text
@@ -65,6 +66,6 @@ def test_facts_are_versions_and_the_code(monkeypatch: pytest.MonkeyPatch) -> Non
     facts.cache_clear()
     before = facts()
     facts.cache_clear()
-    monkeypatch.setattr("artiskill.jobs.ray_node._SOURCES", (".yaml",))
+    monkeypatch.setattr("artiskill.jobs.ray_driver._SOURCES", (".yaml",))
     assert facts() != before
     facts.cache_clear()
