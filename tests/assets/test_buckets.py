@@ -19,7 +19,7 @@ from artiskill.assets.buckets import (
     default_bucket_config,
     sample_bucket,
 )
-from artiskill.assets.buckets.section import coarse_outline, gauge, outline
+from artiskill.assets.buckets.shape import coarse_outline, outline, outline_scale
 from artiskill.assets.buckets.spec import Section
 from artiskill.config import dump_yaml, from_mapping, to_mapping
 from artiskill.errors import AssetError, ConfigError
@@ -174,7 +174,7 @@ def holds_a_ball(spec: BucketSpec, obj: ArticulatedObject) -> None:
     assert places[:, 2].max() < spec.height_m
     # its surface never passes the drawn wall
     widths = np.interp(places[:, 2], *np.array(spec.profile.knots).T)
-    assert (gauge(spec.section, places[:, :2]) + BALL_M < widths + 0.004).all()
+    assert (outline_scale(spec.section, places[:, :2]) + BALL_M < widths + 0.004).all()
 
 
 def test_holds_a_ball(bucket: Bucket) -> None:
@@ -390,7 +390,7 @@ def test_outlines_have_flat_sides_where_the_ears_are(kind: Any) -> None:
     assert fine[:, 1].max() == pytest.approx(1.0, abs=0.01)
     assert coarse[:, 1].max() == pytest.approx(1.0, abs=0.03)
     assert 6 <= len(coarse) <= 12
-    assert gauge(section, np.array((0.0, 1.3))) == pytest.approx(1.3, abs=0.03)
+    assert outline_scale(section, np.array((0.0, 1.3))) == pytest.approx(1.3, abs=0.03)
     assert np.ptp(fine[:, 0]) / np.ptp(fine[:, 1]) == pytest.approx(section.aspect, rel=0.2)
     edges = np.roll(coarse, -1, axis=0) - coarse
     ahead = np.roll(edges, -1, axis=0)

@@ -1,27 +1,21 @@
-"""Which surfaces the parts of a bucket have: finishes that go together, drawn per object."""
+"""Surfaces and materials of buckets: finishes that go together, drawn per object, and zinc with its spangles."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from artiskill.assets.finishes import Surface, sample_surface
+from artiskill.assets.articulated_object import Material
+from artiskill.assets.buckets.spec import BucketAppearance
+from artiskill.assets.finishes import Surface, make_materials, sample_surface
 
 _STEEL = ("brushed_steel", "nickel")
 _SPANGLE_SEEDS = 2**31
 _ZINC_SHININESS = 0.45
-
-
-@dataclass(frozen=True)
-class BucketAppearance:
-    """The surfaces of one bucket."""
-
-    wall: Surface
-    inside: Surface
-    lip: Surface
-    ear: Surface
-    bail: Surface
-    grip: Surface
+# A spangle texture covers this square and repeats.
+SPANGLE_TILE_M = 0.20
+_SPANGLE_PIXELS, _SPANGLES = 96, 160
+_DARKEST = 0.90  # of a spangle, relative to the lightest
 
 
 def sample_bucket_appearance(rng: np.random.Generator, material: str, metal_bail: bool) -> BucketAppearance:
@@ -84,3 +78,32 @@ _SCHEMES: dict[str, Callable[[np.random.Generator, bool], BucketAppearance]] = {
     "enamel": _enamel,
     "wood": _wood,
 }
+
+
+def make_bucket_materials(appearance: BucketAppearance) -> dict[str, Material]:
+    """Build one material per surface, textures included; metals with a grain are galvanised."""
+    made = make_materials(appearance)
+    galvanised: dict[Surface, Material] = {}
+    for name, material in made.items():
+        surface: Surface = getattr(appearance, name)
+        if surface.finish == "metal" and surface.grain_seed:
+            if surface not in galvanised:
+                galvanised[surface] = replace(material, texture=_zinc_spangle(surface.grain_seed))
+            made[name] = galvanised[surface]
+    return made
+
+
+def _zinc_spangle(seed: int) -> np.ndarray:
+    """Return a repeating texture of the crystals that zinc forms on hot-dipped steel: each cell has its own grey.
+
+    (H, W, 3) uint8 sRGB, 255 where the base colour is left as it is.
+    """
+    rng = np.random.default_rng(seed)
+    centres, shades = rng.random((_SPANGLES, 2)), rng.random(_SPANGLES)
+    places = (np.arange(_SPANGLE_PIXELS) + 0.5) / _SPANGLE_PIXELS
+    apart = np.abs(places - centres.T[..., None])
+    apart = np.minimum(apart, 1.0 - apart)  # (2, cells, pixels): the shorter way around
+    distance = apart[0][:, :, None] ** 2 + apart[1][:, None, :] ** 2
+    nearest = np.argmin(distance, axis=0)
+    grey = np.round(255 * (_DARKEST + (1 - _DARKEST) * shades[nearest]))
+    return np.repeat(grey[..., None], 3, axis=-1).astype(np.uint8)

@@ -5,14 +5,11 @@ import math
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, Handle, Joint, Link
+from artiskill.assets.buckets.appearance import make_bucket_materials
 from artiskill.assets.buckets.bail import add_bail
-from artiskill.assets.buckets.ears import add_ears
-from artiskill.assets.buckets.materials import make_bucket_materials
-from artiskill.assets.buckets.section import outline
+from artiskill.assets.buckets.body import add_collisions, add_ears, add_visuals
+from artiskill.assets.buckets.shape import half_width, outline, polygon_area
 from artiskill.assets.buckets.spec import BucketSpec
-from artiskill.assets.buckets.surface import half_width
-from artiskill.assets.buckets.vessel import add_vessel
-from artiskill.assets.buckets.walls import add_walls
 from artiskill.assets.kinematics import density_for_mass
 from artiskill.assets.parts import IDENTITY, LinkParts
 from artiskill.geometry.rotations import quat_from_axis_angle, transform_points
@@ -34,15 +31,15 @@ def build_bucket(spec: BucketSpec, object_id: str, rng: np.random.Generator) -> 
     """
     materials = make_bucket_materials(spec.appearance)
     base = LinkParts((0.0, 0.0, 0.0), rng)
-    add_vessel(base, spec, materials, rng)
-    add_walls(base, spec)
-    handles: list[Handle] = add_ears(base, spec, materials.ear, rng)
+    add_visuals(base, spec, materials, rng)
+    add_collisions(base, spec)
+    handles: list[Handle] = add_ears(base, spec, materials["ear"], rng)
     links = [_link("base", -1, np.zeros(3), None, base, spec.body_kg)]
     if spec.bail is not None:
         name = "link_0"
         origin = np.array((0.0, 0.0, spec.bail.pivot_z))
         parts = LinkParts(origin, rng)
-        handles.append(add_bail(parts, spec, spec.bail, materials, name, rng))
+        handles.append(add_bail(parts, spec.bail, materials, name, rng))
         limits = (-spec.bail.limit_rad, spec.bail.limit_rad)
         joint = Joint(f"{name}_bail", "revolute", _BAIL_AXIS.copy(), np.zeros(3), limits)
         links.append(_link(name, 0, origin, joint, parts, spec.bail_kg))
@@ -61,7 +58,7 @@ def _link(
 
 
 def _bounds(links: list[Link]) -> np.ndarray:
-    """Around everything drawn, at rest."""
+    """Return bounds of everything drawn, at rest."""
     points = []
     for link in links:
         turn = IDENTITY if link.joint is None else quat_from_axis_angle(link.joint.axis, link.joint.rest)
@@ -70,13 +67,10 @@ def _bounds(links: list[Link]) -> np.ndarray:
     return np.stack((drawn.min(axis=0), drawn.max(axis=0)))
 
 
-def volume_l(spec: BucketSpec) -> float:
-    """What it holds when full to the rim, litres."""
-    around = outline(spec.section)
-    ahead = np.roll(around, -1, axis=0)
-    unit = 0.5 * float((around[:, 0] * ahead[:, 1] - around[:, 1] * ahead[:, 0]).sum())
+def _volume_l(spec: BucketSpec) -> float:
+    """Return what it holds when full to the rim, litres."""
     z = np.linspace(spec.floor_z, spec.height_m, 50)
-    areas = unit * (half_width(spec.profile, z) - spec.wall_m) ** 2
+    areas = polygon_area(outline(spec.section)) * (half_width(spec.profile, z) - spec.wall_m) ** 2
     return _LITRES_PER_M3 * float(areas.mean()) * (spec.height_m - spec.floor_z)
 
 
@@ -92,7 +86,7 @@ def _metadata(spec: BucketSpec, links: list[Link], handles: list[Handle]) -> dic
         "width_m": round(2 * spec.top_m, 4),
         "depth_m": round(2 * spec.top_m * spec.section.aspect, 4),
         "height_m": spec.height_m,
-        "volume_l": round(volume_l(spec), 1),
+        "volume_l": round(_volume_l(spec), 1),
         "mass_kg": round(spec.body_kg + spec.bail_kg, 3),
         "mass_note": "that of a real bucket of this material, not of the 1000 kg/m3 of the first release",
         "joints": len(links) - 1,

@@ -6,13 +6,11 @@ from pathlib import Path
 from typing import get_args
 
 from artiskill.assets.buckets.spec import BailKind, EarKind, FootKind, GripKind, LipKind, ProfileKind, SectionKind
-from artiskill.assets.generators import Range, check_ranges, check_weights
+from artiskill.assets.generators import Range, check_families, check_ranges, check_weights
 from artiskill.config import CONFIG_DIR, check, load_config
 from artiskill.errors import shown
 
 GENERATOR_YAML: Path = CONFIG_DIR / "catalog" / "bucket_generator.yaml"
-
-
 NO_BAIL = "none"
 # Field of a family -> which names its weights may have.
 CHOICES: dict[str, tuple[str, ...]] = {
@@ -28,17 +26,11 @@ CHOICES: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class MaterialConfig:
-    """What a bucket weighs.
+    """What a bucket weighs."""
 
-    Attributes:
-        name: `plastic`, `galvanised`, `enamel` or `wood`; decides its colours too.
-        density_kg_m3: of the material.
-        gauge_m: real thickness of its wall, which for sheet metal is less than what is drawn.
-    """
-
-    name: str
+    name: str  # `plastic`, `galvanised`, `enamel` or `wood`; decides its colours too
     density_kg_m3: Range
-    gauge_m: Range
+    gauge_m: Range  # real thickness of its wall, which for sheet metal is less than what is drawn
 
     def __post_init__(self) -> None:
         check_ranges(self, f"material {self.name!r}")
@@ -46,26 +38,12 @@ class MaterialConfig:
 
 @dataclass(frozen=True)
 class BucketFamilyConfig:
-    """One kind of bucket.
+    """One kind of bucket: weights of what each part is drawn as, and ranges of its sizes."""
 
-    Attributes:
-        name: goes into the object's metadata.
-        weight: how often it is drawn, relative to the other families of its side.
-        held_out: whether training and test objects never are of it.
-        material: name of a `MaterialConfig`.
-        sections, profiles, feet, lips, bails, grips, ears: weights of what each part is drawn as.
-        top_m: width at the rim across the pivots, without the lip.
-        height_m: from the ground to the rim.
-        taper_deg: mean lean of the wall.
-        wall_m: thickness of the wall as drawn.
-        lip_m: how far the lip stands out.
-        spout_probability: how often the rim has a spout.
-    """
-
-    name: str
-    weight: float
-    held_out: bool
-    material: str
+    name: str  # goes into the object's metadata
+    weight: float  # how often it is drawn, relative to the other families of its side
+    held_out: bool  # whether training and test objects never are of it
+    material: str  # name of a `MaterialConfig`
     sections: dict[str, float]
     profiles: dict[str, float]
     feet: dict[str, float]
@@ -73,16 +51,15 @@ class BucketFamilyConfig:
     bails: dict[str, float]
     grips: dict[str, float]
     ears: dict[str, float]
-    top_m: Range
-    height_m: Range
-    taper_deg: Range
-    wall_m: Range
-    lip_m: Range
-    spout_probability: float
+    top_m: Range  # width at the rim across the pivots, without the lip
+    height_m: Range  # from the ground to the rim
+    taper_deg: Range  # mean lean of the wall
+    wall_m: Range  # thickness of the wall as drawn
+    lip_m: Range  # how far the lip stands out
+    spout_probability: float  # how often the rim has a spout
 
     def __post_init__(self) -> None:
         where = f"family {self.name!r}"
-        check(self.weight >= 0, f"{where}: weight must be at least 0, not {shown(self.weight)}")
         check_ranges(self, where)
         for field, legal in CHOICES.items():
             check_weights(getattr(self, field), legal, f"{where}: {field}")
@@ -94,27 +71,16 @@ class BucketFamilyConfig:
 
 @dataclass(frozen=True)
 class BailConfig:
-    """The hinged handle.
-
-    Attributes:
-        wire_radius_m: of a round wire.
-        moulded_half_m: half width and half thickness of a moulded bow, smallest and largest of each.
-        strap_half_m: likewise of a strap.
-        limit_deg: it turns so far to either side, less where the wall is in the way.
-        least_limit_deg: a bucket whose bail turns less is drawn again.
-        grip_length_m: of a grip.
-        grip_radius_m: of a grip.
-        gap_m: air that the bail keeps from wall and lip.
-    """
+    """The hinged handle."""
 
     wire_radius_m: Range
-    moulded_half_m: tuple[Range, Range]
-    strap_half_m: tuple[Range, Range]
-    limit_deg: Range
-    least_limit_deg: float
+    moulded_half_m: tuple[Range, Range]  # half width and half thickness of a moulded bow
+    strap_half_m: tuple[Range, Range]  # likewise of a strap
+    limit_deg: Range  # it turns so far to either side, less where the wall is in the way
+    least_limit_deg: float  # a bucket whose bail turns less is drawn again
     grip_length_m: Range
     grip_radius_m: Range
-    gap_m: float
+    gap_m: float  # air that the bail keeps from wall and lip
 
     def __post_init__(self) -> None:
         check_ranges(self, "bail")
@@ -125,24 +91,15 @@ class BailConfig:
 
 @dataclass(frozen=True)
 class BucketConfig:
-    """How buckets are drawn.
-
-    Attributes:
-        families: kinds of buckets.
-        materials: what they weigh.
-        bail: the hinged handle.
-        least_floor_m: half width of the floor's inside, at least: a ball must lie on it.
-        least_stance: half width of what it stands on, relative to its height, at least: a ball that is dropped in
-            askew must not topple it.
-        foot_height_m: of skirts and rings.
-    """
+    """How buckets are drawn."""
 
     families: tuple[BucketFamilyConfig, ...]
     materials: tuple[MaterialConfig, ...]
     bail: BailConfig
-    least_floor_m: float
+    least_floor_m: float  # half width of the floor's inside, at least: a ball must lie on it
+    # half width of what it stands on, relative to its height, at least: a ball dropped in askew must not topple it
     least_stance: float
-    foot_height_m: Range
+    foot_height_m: Range  # of skirts and rings
 
     def __post_init__(self) -> None:
         check_ranges(self, "bucket")
@@ -150,20 +107,14 @@ class BucketConfig:
         for family in self.families:
             text = f"family {family.name!r}: unknown material {family.material!r}; legal: {', '.join(names)}"
             check(family.material in names, text)
-        for held_out in (False, True):
-            weights = [family.weight for family in self.families_of(held_out)]
-            check(any(weights), f"families: at least one weight must be above 0 where held_out is {held_out}")
-
-    def families_of(self, held_out: bool) -> tuple[BucketFamilyConfig, ...]:
-        """The families of training and test objects, or the held-out ones."""
-        return tuple(family for family in self.families if family.held_out == held_out)
+        check_families(self.families)
 
     def material(self, name: str) -> MaterialConfig:
-        """The material of a name that a family bears."""
+        """Return the material that a family names."""
         return next(material for material in self.materials if material.name == name)
 
 
 @cache
 def default_bucket_config() -> BucketConfig:
-    """The config from which the catalogue and generated buckets are made."""
+    """Return the config from which the catalogue and generated buckets are made."""
     return load_config(BucketConfig, GENERATOR_YAML)

@@ -7,7 +7,7 @@ z = 0. Half widths are measured along y; across flat sides that is the distance 
 from dataclasses import dataclass
 from typing import Literal
 
-from artiskill.assets.buckets.appearance import BucketAppearance
+from artiskill.assets.finishes import Surface
 
 SectionKind = Literal["round", "square", "hexagon", "octagon", "oval"]
 ProfileKind = Literal["straight", "stepped", "ribbed", "bellied", "flared"]
@@ -20,32 +20,20 @@ EarKind = Literal["boss", "tab", "loop"]
 
 @dataclass(frozen=True)
 class Section:
-    """The outline seen from above.
+    """The outline seen from above."""
 
-    Attributes:
-        kind: shape; polygons have flat sides towards -y and +y.
-        corner: radius of a polygon's corners, relative to the half width.
-        aspect: half depth along x over half width along y; 1 for all but ovals.
-    """
-
-    kind: SectionKind
-    corner: float
-    aspect: float
+    kind: SectionKind  # polygons have flat sides towards -y and +y
+    corner: float  # radius of a polygon's corners, relative to the half width
+    aspect: float  # half depth along x over half width along y; 1 for all but ovals
 
 
 @dataclass(frozen=True)
 class Profile:
-    """The outer face of the wall, from its lower edge to the rim.
-
-    Attributes:
-        kind: which shape it was drawn as.
-        knots: heights and half widths, bottom to top, joined by straight lines.
-        levels: heights between which the collision walls are straight: the lower edge, breaks, the rim.
-    """
+    """The outer face of the wall, from its lower edge to the rim."""
 
     kind: ProfileKind
-    knots: tuple[tuple[float, float], ...]
-    levels: tuple[float, ...]
+    knots: tuple[tuple[float, float], ...]  # heights and half widths, bottom to top, joined by straight lines
+    levels: tuple[float, ...]  # heights between which collision walls are straight: lower edge, breaks, rim
 
 
 @dataclass(frozen=True)
@@ -85,88 +73,63 @@ class BailGrip:
 
 @dataclass(frozen=True)
 class Bail:
-    """The hinged handle, upright in the plane x = 0 at joint value 0.
+    """The hinged handle, upright in the plane x = 0 at joint value 0."""
 
-    Attributes:
-        kind: round `wire`, `moulded` plastic bow or a flat `strap`.
-        pivot_z: height of the pivots.
-        half_span_m: of its arms, along y.
-        reach_m: from the pivots' line to the middle of the grip.
-        corner_m: radius of its two bends.
-        half_width_m: of its section along x when upright.
-        half_thickness_m: of its section across that; equal to the half width for a wire.
-        limit_rad: it turns so far to either side.
-        grip: see there.
-    """
-
-    kind: BailKind
-    pivot_z: float
-    half_span_m: float
-    reach_m: float
-    corner_m: float
-    half_width_m: float
-    half_thickness_m: float
-    limit_rad: float
+    kind: BailKind  # round `wire`, `moulded` plastic bow or a flat `strap`
+    pivot_z: float  # height of the pivots
+    half_span_m: float  # of its arms, along y
+    reach_m: float  # from the pivots' line to the middle of the grip
+    corner_m: float  # radius of its two bends
+    half_width_m: float  # of its section along x when upright
+    half_thickness_m: float  # of its section across that; equal to the half width for a wire
+    limit_rad: float  # it turns so far to either side
     grip: BailGrip
 
 
 @dataclass(frozen=True)
 class Ear:
-    """Two fittings at -y and +y: a moulded `boss` or a metal `tab` for the bail, or a `loop` to lift by.
-
-    Attributes:
-        kind: see above.
-        z: height of its middle; that of the pivot where there is a bail.
-        reach_m: how far it stands out, from the axis.
-        half_width_m: along x.
-        radius_m: of a boss's round end, of a loop's rod; half the thickness of a tab.
-    """
+    """Two fittings at -y and +y: a moulded `boss` or a metal `tab` for the bail, or a `loop` to lift by."""
 
     kind: EarKind
-    z: float
-    reach_m: float
-    half_width_m: float
-    radius_m: float
+    z: float  # height of its middle; that of the pivot where there is a bail
+    reach_m: float  # how far it stands out, from the axis
+    half_width_m: float  # along x
+    radius_m: float  # of a boss's round end, of a loop's rod; half the thickness of a tab
+
+
+@dataclass(frozen=True)
+class BucketAppearance:
+    """The surfaces of one bucket."""
+
+    wall: Surface
+    inside: Surface
+    lip: Surface
+    ear: Surface
+    bail: Surface
+    grip: Surface
 
 
 @dataclass(frozen=True)
 class BucketSpec:
-    """One bucket; see the module's docstring for frames and units.
-
-    Attributes:
-        family: kind of bucket.
-        held_out: whether the family is kept from training and test objects.
-        material: `plastic`, `galvanised`, `enamel` or `wood`.
-        section, profile, foot, lip, ear: see there.
-        height_m: from the ground to the rim.
-        wall_m: thickness as drawn.
-        floor_m: thickness as drawn.
-        spout_m: how far the rim is drawn out at the front, 0 for none.
-        staves: number of staves of a wooden wall, else 0.
-        hoops: bands around the wall.
-        bail: None where there are only ears.
-        body_kg: mass without the bail.
-        bail_kg: mass of the bail, 0 where there is none.
-        appearance: materials.
-    """
+    """One bucket; see the module's docstring for frames and units."""
 
     family: str
-    held_out: bool
-    material: str
+    held_out: bool  # whether the family is kept from training and test objects
+    material: str  # `plastic`, `galvanised`, `enamel` or `wood`
     section: Section
     profile: Profile
     foot: Foot
     lip: Lip
     ear: Ear
-    height_m: float
-    wall_m: float
-    floor_m: float
-    spout_m: float
-    staves: int
+    height_m: float  # from the ground to the rim
+    wall_m: float  # thickness as drawn
+    floor_m: float  # thickness as drawn
+    spout_m: float  # how far the rim is drawn out at the front, 0 for none
+    staves: int  # number of staves of a wooden wall, else 0
     hoops: tuple[Hoop, ...]
-    bail: Bail | None
-    body_kg: float
-    bail_kg: float
+    bail: Bail | None  # None where there are only ears
+    body_kg: float  # without the bail
+    bail_kg: float  # 0 where there is none
     appearance: BucketAppearance
 
     @property
