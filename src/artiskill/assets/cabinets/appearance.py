@@ -1,11 +1,13 @@
-"""Which surfaces the parts of a cabinet have: finishes that go together, drawn per object."""
+"""Surfaces of a cabinet's parts: finishes that go together, drawn per object, and the materials made of them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from artiskill.assets.finishes import Finish, Surface, sample_surface
+from artiskill.assets.articulated_object import Material
+from artiskill.assets.finishes import Finish, Surface, make_materials, sample_surface
+from artiskill.assets.generators import pick
 
 # Finishes of carcass, fronts and top, and how often.
 SCHEMES: dict[str, tuple[float, tuple[Finish, Finish, Finish]]] = {
@@ -35,6 +37,26 @@ class CabinetAppearance:
     tyre: Surface
 
 
+@dataclass(frozen=True, eq=False)
+class Materials:
+    """One material per surface of `CabinetAppearance`; equal surfaces share one."""
+
+    carcass: Material
+    front: Material
+    top: Material
+    interior: Material
+    support: Material
+    handle: Material
+    runner: Material
+    glass: Material
+    tyre: Material
+
+
+def make_cabinet_materials(appearance: CabinetAppearance) -> Materials:
+    """Make the materials, textures included."""
+    return Materials(**make_materials(appearance))
+
+
 def sample_cabinet_appearance(
     rng: np.random.Generator, schemes: Mapping[str, float] | None = None
 ) -> CabinetAppearance:
@@ -42,12 +64,10 @@ def sample_cabinet_appearance(
 
     Args:
         rng: draws.
-        schemes: weights of the keys of `SCHEMES`; by default the usual ones.
+        schemes: weights of the keys of `SCHEMES`; by default those that stand there.
     """
-    weights = schemes or {name: weight for name, (weight, _) in SCHEMES.items()}
-    p = np.array([weights.get(name, 0.0) for name in SCHEMES])
-    name = list(SCHEMES)[int(rng.choice(len(SCHEMES), p=p / p.sum()))]
-    carcass_finish, front_finish, top_finish = SCHEMES[name][1]
+    weights = {k: schemes.get(k, 0.0) if schemes else weight for k, (weight, _) in SCHEMES.items()}
+    carcass_finish, front_finish, top_finish = SCHEMES[pick(rng, weights)][1]
     carcass = sample_surface(rng, carcass_finish)
     two_toned = carcass_finish != front_finish or rng.random() < 0.15
     front = sample_surface(rng, front_finish, _beside(carcass, front_finish)) if two_toned else carcass
@@ -76,7 +96,7 @@ def sample_cabinet_appearance(
 
 
 def _beside(other: Surface, finish: Finish) -> tuple[str, ...]:
-    """What goes with another surface: beside a paint only quiet ones."""
+    """Return names of surfaces that go with another one; beside a paint only quiet paints do."""
     return _QUIET_PAINTS if finish == other.finish == "paint" else ()
 
 

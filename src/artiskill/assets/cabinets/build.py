@@ -1,4 +1,4 @@
-"""From a `CabinetSpec` to an `ArticulatedObject`: links, joints, drawn and touched parts, handles."""
+"""From a `CabinetSpec` to an `ArticulatedObject`: links, joints, meshes, shapes, handles and facts."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,20 +6,16 @@ from dataclasses import replace
 import numpy as np
 
 from artiskill.assets.articulated_object import ROOM_WALL, ArticulatedObject, CollisionShape, Handle, Joint, Link
-from artiskill.assets.cabinets.boards import Boards
-from artiskill.assets.cabinets.carcass import add_carcass
-from artiskill.assets.cabinets.drawers import add_box
-from artiskill.assets.cabinets.faces import FrontMaterials
-from artiskill.assets.cabinets.facts import cabinet_facts
-from artiskill.assets.cabinets.fronts import add_front, handle_foot, sinks
-from artiskill.assets.cabinets.hinges import add_hinges
-from artiskill.assets.cabinets.materials import Materials, make_cabinet_materials
+from artiskill.assets.cabinets.appearance import Materials, make_cabinet_materials
+from artiskill.assets.cabinets.carcass import add_box, add_carcass
+from artiskill.assets.cabinets.fronts import add_front, add_hinges, handle_foot, sinks
 from artiskill.assets.cabinets.pulls import build_pull
 from artiskill.assets.cabinets.spec import CabinetSpec, Cell, Side, Wall
 from artiskill.assets.finishes import make_material
 from artiskill.assets.handles import handle_from_mesh
-from artiskill.assets.kinematics import first_moment_m4
-from artiskill.assets.parts import IDENTITY
+from artiskill.assets.kinematics import first_moment_m4, shapes_volume_m3
+from artiskill.assets.parts import LinkParts
+from artiskill.geometry.arrays import total
 from artiskill.geometry.primitives import box
 
 _GRAVITY_M_S2 = 9.81
@@ -50,41 +46,39 @@ def build_cabinet(spec: CabinetSpec, object_id: str, rng: np.random.Generator) -
         rng: draws surface samples and where in its texture each board lies.
     """
     materials = make_cabinet_materials(spec.appearance)
-    base = Boards((0.0, 0.0, 0.0), rng)
+    base = LinkParts((0.0, 0.0, 0.0), rng)
     add_carcass(base, spec, materials)
-    links = [_link(spec, "base", -1, np.zeros(3), None, base)]
+    links = [base.link("base", -1, None, spec.density_kg_m3)]
     handles: list[Handle] = []
     for cell in spec.cells:
         if cell.kind in ("drawer", "door"):
             link, handle = _add_moving(spec, cell, f"link_{len(links) - 1}", materials, rng)
             links.append(link)
             handles += [] if handle is None else [handle]
-    facts, bounds = cabinet_facts(spec, links, handles), _bounds(links)
+    facts, bounds = _facts(spec, links, handles), _bounds(links)
     if spec.wall is not None:  # no part of the cabinet: neither facts nor bounds know of it
         links.append(_wall(spec, spec.wall, rng))
     return ArticulatedObject(object_id, "cabinet", tuple(links), tuple(handles), bounds, facts)
 
 
 def _wall(spec: CabinetSpec, wall: Wall, rng: np.random.Generator) -> Link:
-    """The wall whose face the cabinet's back touches; its frame lies in the middle of that face's lower edge."""
+    """Build the wall behind the cabinet; its frame lies in the middle of the lower edge of its face."""
     origin, size = np.array((spec.depth_m / 2, 0.0, 0.0)), (wall.thickness_m, wall.width_m, wall.height_m)
     low = origin - (0.0, wall.width_m / 2, 0.0)
     high, half = low + size, np.array(size) / 2
-    parts = Boards(origin, rng)
+    parts = LinkParts(origin, rng)
     parts.add_visual(box(half).transformed(parts.local(low + half)), make_material(wall.surface), ROOM_WALL)
     parts.add_collision_box(low, high, ROOM_WALL)
-    visuals, shapes, points = parts.visuals(), tuple(parts.collisions), parts.surface_points()
-    return Link(ROOM_WALL, 0, origin, IDENTITY, None, visuals, shapes, _MASONRY_KG_M3, points)
+    return parts.link(ROOM_WALL, 0, None, _MASONRY_KG_M3)
 
 
 def _add_moving(
     spec: CabinetSpec, cell: Cell, name: str, materials: Materials, rng: np.random.Generator
 ) -> tuple[Link, Handle | None]:
-    """A drawer or a door with its handle."""
+    """Build a drawer or a door with its handle."""
     origin, joint = _joint(spec, cell, name)
-    parts = Boards(origin, rng)
-    fronts = FrontMaterials(materials.front, materials.glass)
-    add_front(parts, spec, cell, fronts, "drawer_front" if cell.kind == "drawer" else "door")
+    parts = LinkParts(origin, rng)
+    add_front(parts, spec, cell, materials, "drawer_front" if cell.kind == "drawer" else "door")
     if cell.kind == "drawer":
         add_box(parts, spec, cell, materials)
     else:
@@ -92,11 +86,11 @@ def _add_moving(
     handle = _add_handle(parts, spec, cell, name, materials, rng)
     if cell.hinge == "top":
         joint = _closed_by_spring(joint, spec.density_kg_m3, parts.collisions)
-    return _link(spec, name, 0, origin, joint, parts), handle
+    return parts.link(name, 0, joint, spec.density_kg_m3), handle
 
 
 def _closed_by_spring(joint: Joint, density_kg_m3: float, shapes: Sequence[CollisionShape]) -> Joint:
-    """A flap hung at its top, its hinges before its face, would hang open; a spring holds it shut."""
+    """Add a spring that holds a flap shut: hung at its top, its hinges before its face, it would hang open."""
     swings_open_n_m = float(_GRAVITY_M_S2 * density_kg_m3 * first_moment_m4(shapes)[0])
     if swings_open_n_m <= 0:
         return joint
@@ -104,24 +98,8 @@ def _closed_by_spring(joint: Joint, density_kg_m3: float, shapes: Sequence[Colli
     return replace(joint, stiffness=round(moment / _SPRING_SPREAD_RAD, 3), spring_reference=-_SPRING_SPREAD_RAD)
 
 
-def _link(
-    spec: CabinetSpec, name: str, parent: int, origin: np.ndarray, joint: Joint | None, parts: Boards
-) -> Link:
-    return Link(
-        name,
-        parent,
-        origin,
-        IDENTITY,
-        joint,
-        parts.visuals(),
-        tuple(parts.collisions),
-        spec.density_kg_m3,
-        parts.surface_points(),
-    )
-
-
 def _joint(spec: CabinetSpec, cell: Cell, name: str) -> tuple[np.ndarray, Joint]:
-    """The link's origin in the object frame, and its joint."""
+    """Return the link's origin in the object frame, and its joint."""
     rect = cell.front
     assert rect is not None
     y, z = rect.centre
@@ -137,7 +115,7 @@ def _joint(spec: CabinetSpec, cell: Cell, name: str) -> tuple[np.ndarray, Joint]
 
 
 def _add_handle(
-    parts: Boards, spec: CabinetSpec, cell: Cell, name: str, materials: Materials, rng: np.random.Generator
+    parts: LinkParts, spec: CabinetSpec, cell: Cell, name: str, materials: Materials, rng: np.random.Generator
 ) -> Handle | None:
     if cell.handle is None:
         return None
@@ -153,6 +131,44 @@ def _add_handle(
 
 
 def _bounds(links: list[Link]) -> np.ndarray:
-    """Around everything drawn, at joint value 0."""
+    """Return the bounds of all visual meshes at joint value 0."""
     corners = np.stack([v.mesh.bounds + link.position for link in links for v in link.visuals])
     return np.stack((corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)))
+
+
+def _facts(spec: CabinetSpec, links: Sequence[Link], handles: Sequence[Handle]) -> dict[str, object]:
+    """Return plain facts for people and filters: the object's `metadata`."""
+    mass = total(link.density_kg_m3 * shapes_volume_m3(link.collisions) for link in links)
+    kinds = sorted({handle.kind for handle in handles})
+    faces: list[str] = sorted({cell.face for cell in spec.cells if cell.kind != "open"})
+    flaps = len([cell for cell in spec.cells if cell.hinge in ("top", "bottom")])
+    return {
+        "source": "generated",
+        "family": spec.family,
+        "held_out": spec.held_out,
+        "width_m": spec.width_m,
+        "depth_m": spec.depth_m,
+        "height_m": spec.height_m,
+        "mass_kg": round(mass, 2),
+        "joints": len(links) - 1,
+        "handles": kinds,
+        "tags": _tags(spec, kinds, faces, flaps),
+        "finish": f"{spec.appearance.carcass.name}, {spec.appearance.front.name}",
+        "support": spec.support.kind,
+        "mount": spec.front.mount,
+        "fronts": faces,
+        "drawers": spec.count("drawer"),
+        "doors": spec.count("door"),
+        "flaps": flaps,
+    }
+
+
+def _tags(spec: CabinetSpec, kinds: list[str], faces: list[str], flaps: int) -> list[str]:
+    tags = {spec.family, spec.support.kind, spec.front.mount, *kinds, *faces}
+    tags |= {kind for kind in ("drawer", "door", "open", "blind") if spec.count(kind) > 0}
+    tags |= {name for name, true in (("flap", flaps), ("bowed", spec.front.bow_m > 0)) if true}
+    if spec.top.steps > 1:
+        tags.add("cornice")
+    if spec.support.kind == "legs":
+        tags.add(f"{spec.support.leg_shape} legs")
+    return sorted(tags)

@@ -2,23 +2,18 @@
 
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
+from typing import get_args
 
+from artiskill.assets.cabinets.spec import FaceKind, HandleKind, LegShape, SupportKind
 from artiskill.assets.finishes import PAINTS
-from artiskill.assets.generators import Range, check_ranges, check_weights
+from artiskill.assets.generators import Range, check_families, check_ranges, check_weights
 from artiskill.config import CONFIG_DIR, check, check_positive, load_config
-from artiskill.errors import shown
-
-GENERATOR_YAML: Path = CONFIG_DIR / "catalog" / "cabinet_generator.yaml"
-
 
 LAYOUTS = ("columns", "rows", "strip", "drawers", "door", "flap", "open", "blind")
 STRIPS = ("drawers", "open", "blind")
-SUPPORTS = ("plinth", "sides", "legs", "casters", "floor", "wall")
-LEG_SHAPES = ("round", "square", "splayed", "bun", "sled")
-FACES = ("slab", "shaker", "raised", "glazed", "louvred", "planks")
-HANDLES = ("bar", "bow", "knob", "ring", "lip", "slot", "cup")
-BOW = "bow_front"  # what `held_out` calls a bulging face
+SUPPORTS, LEG_SHAPES = get_args(SupportKind), get_args(LegShape)
+FACES, HANDLES = get_args(FaceKind), get_args(HandleKind)
+BOW = "bow_front"  # a bulging face, in `CabinetConfig.held_out`
 HOLDABLE = (*HANDLES, *LAYOUTS, *FACES, BOW)
 
 
@@ -28,7 +23,7 @@ class CabinetFamilyConfig:
 
     Attributes:
         name: goes into the object's metadata.
-        weight: how often it is drawn, relative to the other families that are held out alike.
+        weight: how often it is drawn, relative to the other held-out, or the other usual, families.
         width_m: outer width of the carcass, along y.
         depth_m: outer depth of the carcass, along x, without overlay fronts.
         height_m: from the ground to the top, support included.
@@ -64,7 +59,6 @@ class CabinetFamilyConfig:
 
     def __post_init__(self) -> None:
         where = f"family {self.name!r}"
-        check(self.weight >= 0, f"{where}: weight must be at least 0, not {shown(self.weight)}")
         check_ranges(self, where)
         for name, legal in (("supports", SUPPORTS), ("layouts", LAYOUTS), ("faces", FACES), ("handles", HANDLES)):
             check_weights(getattr(self, name), legal, f"{where}: {name}")
@@ -73,7 +67,7 @@ class CabinetFamilyConfig:
 
     @property
     def features(self) -> set[str]:
-        """Names of what it may have, of those that `CabinetConfig.held_out` may name."""
+        """Names of what it may have that `CabinetConfig.held_out` may name."""
         weights = {**self.layouts, **self.faces, **self.handles}
         return {name for name, weight in weights.items() if weight > 0} | ({BOW} if self.bow_m else set())
 
@@ -85,7 +79,7 @@ class HandleConfig:
     Attributes:
         centres_m: distances of two screws: 80 mm, and multiples of 32 mm, as in the European cabinet system
             ("System 32") and makers' catalogues.
-        cup_centres_m: likewise, of cup pulls.
+        cup_centres_m: distances of the two screws of cup pulls.
         diameter_m: of a round bar, side of a square one.
         projection_m: from the front's face to the handle's outermost surface.
         clearance_m: at least this much room between the front's face and a bar or bow: a finger must fit behind.
@@ -93,16 +87,16 @@ class HandleConfig:
         bow_shapes: weights of `arch`, `d` and `strap`.
         bow_length_m: longest distance of a bow's feet.
         knob_m: diameter of knobs.
-        knob_projection_m: likewise how far they stand out.
+        knob_projection_m: from the front's face to their outermost surface.
         knob_shapes: weights of the forms of heads.
         ring_m: outer diameter of rings.
         ring_wire_m: of a ring's wire.
         lip_m: thickness of a lip's board.
         lip_projection_m: how far lips stand out.
-        slot_room_m: from a flush bar to the hollow's edge, on either side: a finger must go in.
-        slot_length_m: of the hollow.
-        slot_depth_m: of the hollow.
-        slot_lowest_m: least height of a hollow's centre: a hand that comes from above does not fit in.
+        slot_room_m: from a flush bar to its cavity's edge, on either side: a finger must go in.
+        slot_length_m: of the cavity.
+        slot_depth_m: of the cavity.
+        slot_lowest_m: least height of a cavity's centre: a hand that comes from above does not fit in.
         cup_height_m: of cup pulls.
         edge_m: least distance of an upright handle's axis from the door's free edge.
         height_m: least and largest height of a handle's centre above the ground.
@@ -149,9 +143,9 @@ class WallConfig:
     """The wall behind a cabinet that hangs: from the floor up, the cabinet before its middle.
 
     Attributes:
-        width_m: along y, as wide for every cabinet.
-        height_m: likewise.
-        thickness_m: likewise.
+        width_m: along y, the same for every cabinet.
+        height_m: from the floor.
+        thickness_m: along x.
         paints: keys of `finishes.PAINTS`, one of which it is painted with.
     """
 
@@ -241,9 +235,7 @@ class CabinetConfig:
         check_ranges(self, "cabinet")
         check_weights(self.strips, STRIPS, "strips")
         check_weights(self.leg_shapes, LEG_SHAPES, "leg_shapes")
-        for held_out, name in ((False, "training"), (True, "held out")):
-            weights = [f.weight for f in self.families if f.held_out == held_out]
-            check(any(weights), f"families: at least one weight must be above 0 ({name})")
+        check_families(self.families)
         check(self.gap_m[0] >= 0.002, f"gap_m must be at least 0.002, not {self.gap_m[0]!r}: fronts would touch")
         check(self.door_limit_deg[1] <= 175, f"door_limit_deg must stay below 175, not {self.door_limit_deg[1]!r}")
         check(self.travel_fraction[1] <= 1, f"travel_fraction must stay within 1, not {self.travel_fraction[1]!r}")
@@ -256,5 +248,5 @@ class CabinetConfig:
 
 @cache
 def default_cabinet_config() -> CabinetConfig:
-    """The config from which the catalogue and `generated:<seed>` are made."""
-    return load_config(CabinetConfig, GENERATOR_YAML)
+    """Read the config from which the catalogue and `generated:<seed>` are made."""
+    return load_config(CabinetConfig, CONFIG_DIR / "catalog" / "cabinet_generator.yaml")

@@ -1,17 +1,88 @@
-"""Draws at random how a front is split."""
+"""How a front is split: `LayoutSampler` draws a tree of rows and columns, `resolve` turns it into openings."""
 
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from artiskill.assets.cabinets.config import CabinetConfig, CabinetFamilyConfig
-from artiskill.assets.cabinets.tree import Leaf, Node, Split
+from artiskill.assets.cabinets.spec import CellKind, FrontStyle, Rect, Side
 from artiskill.assets.generators import pick
 
 MAX_DEPTH = 3
 
 
-class Composer:
+@dataclass(frozen=True)
+class Leaf:
+    """A field of the front that is not split any more.
+
+    Attributes:
+        kind: what fills it.
+        shelves: number of shelves, in open cells and behind doors.
+        hinge: of a flap, `top` or `bottom`; None for all else: where doors stand says where their hinges are.
+    """
+
+    kind: CellKind
+    shelves: int = 0
+    hinge: Side | None = None
+
+
+@dataclass(frozen=True)
+class Split:
+    """A region cut into rows (top to bottom) or columns (left to right, as seen from the room).
+
+    Attributes:
+        axis: which way.
+        sizes_m: clear height of each row, or width of each column; the last takes what is left.
+        children: as many as sizes.
+        divider: a whole board between neighbours, a rail at the front only, or nothing.
+    """
+
+    axis: Literal["rows", "columns"]
+    sizes_m: tuple[float, ...]
+    children: tuple["Node", ...]
+    divider: Literal["board", "rail", "none"]
+
+
+Node = Leaf | Split
+
+
+@dataclass(frozen=True)
+class Edge:
+    """What bounds a region on one side.
+
+    Attributes:
+        kind: the carcass's `outer` panel, a `divider`, nothing (`free`: the next front follows), or the
+            overhanging top (`under`), which fronts cannot cover.
+        thickness_m: of that board.
+    """
+
+    kind: Literal["outer", "divider", "free", "under"]
+    thickness_m: float
+
+
+@dataclass(frozen=True)
+class Region:
+    """A clear opening with its four edges."""
+
+    rect: Rect
+    left: Edge
+    right: Edge
+    bottom: Edge
+    top: Edge
+
+
+@dataclass(frozen=True)
+class Placement:
+    """A leaf with its region, or (leaf None) a divider with its rectangle in `region` and its kind."""
+
+    leaf: Leaf | None
+    region: Region
+    divider: Literal["board", "rail", "none"] = "none"
+
+
+class LayoutSampler:
     """Draws the tree of splits for one cabinet."""
 
     def __init__(
@@ -22,7 +93,7 @@ class Composer:
         panel_m: float,
         inset: bool,
     ) -> None:
-        """Keep what all regions share."""
+        """Keep what all regions share; `inset` tells whether fronts lie within the carcass."""
         self._rng = rng
         self._config = config
         self._family = family
@@ -30,7 +101,7 @@ class Composer:
         self._inset = inset
 
     def compose(self, width: float, height: float, depth: int = 0) -> Node:
-        """What a clear region of this size becomes."""
+        """Draw what a clear region of this size becomes."""
         weights = {k: w for k, w in self._family.layouts.items() if self._fits(k, width, height, depth)}
         kind = pick(self._rng, weights) if any(weights.values()) else "open"
         if kind == "columns":
@@ -72,7 +143,7 @@ class Composer:
         return Split("columns", sizes, children, "board")
 
     def _rows(self, width: float, height: float, depth: int) -> Split:
-        """Two regions one above the other, of any kind."""
+        """Draw two regions one above the other, of any kind."""
         clear = height - self._panel_m
         least = self._config.door_height_m[0] / clear
         low, high = max(least, 0.35), min(1 - least, 0.65)
@@ -82,7 +153,7 @@ class Composer:
         return Split("rows", (top, rest), children, "board")
 
     def _strip(self, width: float, height: float, depth: int) -> Split:
-        """A low row of drawers, a niche or a blind panel above or below the rest."""
+        """Draw a low row of drawers, a niche or a blind panel above or below the rest."""
         c = self._config
         kinds = dict(c.strips)
         if not _within(width, c.drawer_width_m):
@@ -116,7 +187,7 @@ class Composer:
         return Leaf("blind")
 
     def _drawer_row(self, width: float) -> Node:
-        """One drawer, or two or three side by side."""
+        """Draw one drawer, or two or three side by side."""
         least = self._config.drawer_width_m[0] + self._panel_m
         most = min(3, int(width / least))
         count = int(self._rng.integers(2, most + 1)) if most >= 2 and self._rng.random() < 0.35 else 1
@@ -130,7 +201,7 @@ class Composer:
         return [n for n in range(1, 6) if low <= (height - (n - 1) * self._panel_m) / n <= high]
 
     def _drawers(self, width: float, height: float) -> Node:
-        """A stack of drawers: of equal height, or growing downwards as in most chests."""
+        """Draw a stack of drawers: of equal height, or growing downwards as in most chests."""
         counts = self._drawer_counts(height)
         count = int(self._rng.choice(counts))
         if count == 1:
@@ -148,6 +219,49 @@ class Composer:
         if width > 0.6:
             children[0] = self._drawer_row(width)
         return Split("rows", sizes, tuple(children), divider)
+
+
+def resolve(node: Node, region: Region, panel_m: float) -> Iterator[Placement]:
+    """Yield the leaves of a tree with their clear openings, and the dividers between them."""
+    if isinstance(node, Leaf):
+        yield Placement(node, region)
+        return
+    thickness = 0.0 if node.divider == "none" else panel_m
+    inner = Edge("free" if node.divider == "none" else "divider", thickness)
+    # rows go down; columns go to the right, which is towards -y
+    low, high, first, second = (
+        ("z0", "z1", "top", "bottom") if node.axis == "rows" else ("y0", "y1", "left", "right")
+    )
+    r, last = region.rect, len(node.children) - 1
+    at = getattr(r, high)
+    for k, (size, child) in enumerate(zip(node.sizes_m, node.children, strict=True)):
+        end = getattr(r, low) if k == last else at - size
+        edges = {first: getattr(region, first) if k == 0 else inner}
+        edges[second] = getattr(region, second) if k == last else inner
+        part = replace(region, rect=replace(r, **{low: end, high: at}), **edges)
+        yield from resolve(child, part, panel_m)
+        if k < last and thickness > 0:
+            slit = replace(r, **{low: end - thickness, high: end})
+            yield Placement(None, replace(region, rect=slit), node.divider)
+        at = end - thickness
+
+
+def front_rect(region: Region, front: FrontStyle) -> Rect:
+    """Return the rectangle of the panel that closes a region, with slits all around it."""
+    edges = (region.left, region.right, region.bottom, region.top)
+    left, right, bottom, top = (_reach(edge, front) for edge in edges)
+    r = region.rect
+    return Rect(round(r.y0 - right, 5), round(r.y1 + left, 5), round(r.z0 - bottom, 5), round(r.z1 + top, 5))
+
+
+def _reach(edge: Edge, front: FrontStyle) -> float:
+    """Return how far a front reaches over the clear opening's edge; negative where it stays away from it."""
+    half = front.gap_m / 2
+    if edge.kind == "free":
+        return -half
+    if front.mount == "inset" or edge.kind == "under":
+        return -front.gap_m
+    return (edge.thickness_m if edge.kind == "outer" else edge.thickness_m / 2) - half
 
 
 def _rounded(values: np.ndarray) -> tuple[float, ...]:

@@ -6,14 +6,11 @@ from typing import TypeGuard
 import numpy as np
 
 from artiskill.assets.cabinets.appearance import CabinetAppearance, sample_cabinet_appearance
-from artiskill.assets.cabinets.carcass import carcass_shapes
+from artiskill.assets.cabinets.carcass import BOX_SHAPES, carcass_shapes
+from artiskill.assets.cabinets.cells import fill_cell, hands_have_room
 from artiskill.assets.cabinets.config import CabinetConfig, CabinetFamilyConfig, WallConfig
-from artiskill.assets.cabinets.drawers import BOX_SHAPES
-from artiskill.assets.cabinets.fronts import front_shapes
-from artiskill.assets.cabinets.habits import draw_habits
-from artiskill.assets.cabinets.layout import Composer
-from artiskill.assets.cabinets.openings import fill_cell
-from artiskill.assets.cabinets.placing import hands_have_room
+from artiskill.assets.cabinets.fronts import handle_cavity
+from artiskill.assets.cabinets.layout import Edge, LayoutSampler, Placement, Region, resolve
 from artiskill.assets.cabinets.pulls import pull_shapes
 from artiskill.assets.cabinets.spec import (
     Board,
@@ -26,25 +23,23 @@ from artiskill.assets.cabinets.spec import (
     Top,
     Wall,
 )
-from artiskill.assets.cabinets.styles import draw_front, draw_handles, draw_support, draw_top
-from artiskill.assets.cabinets.supports import support_shapes
-from artiskill.assets.cabinets.tree import Edge, Placed, Region, resolve
+from artiskill.assets.cabinets.style import draw_front, draw_handles, draw_style, draw_support, draw_top
 from artiskill.assets.finishes import sample_surface
-from artiskill.assets.generators import pick, within
+from artiskill.assets.generators import pick, pick_family, within
 from artiskill.errors import AssetError
 
 _BOARDED = ("plinth", "sides")
 _PLINTH_METALS = ("brushed_steel", "black_iron")  # what plinths are faced with, if not as the carcass
-MAX_DRAWS = 500
-_PATIENCE = 50  # tries for one family and kind of handle
+_MAX_DRAWS = 500
+_DRAWS_PER_FAMILY = 50  # and kind of handle
 # Between the fronts of a stack of inset drawers lie rails, as in joiners' chests.
-RAIL_DEPTH_M = 0.07
+_RAIL_DEPTH_M = 0.07
 # Boards within a closed compartment end this far behind its front.
-SHELF_SETBACK_M = 0.02
-DRAWER_SIDE_M = (0.012, 0.016)
-DRAWER_BOTTOM_M = (0.005, 0.008)
+_SHELF_SETBACK_M = 0.02
+_DRAWER_SIDE_M = (0.012, 0.016)
+_DRAWER_BOTTOM_M = (0.005, 0.008)
 # Chipboard P2 600-680 kg/m3, medium density fibreboard 700-780, solid woods: EN 312, EN 622-5, wood handbooks.
-DENSITY_KG_M3 = {"board": (620.0, 680.0), "fibreboard": (700.0, 780.0), "solid": (480.0, 720.0)}
+_DENSITY_KG_M3 = {"board": (620.0, 680.0), "fibreboard": (700.0, 780.0), "solid": (480.0, 720.0)}
 
 
 def sample_cabinet(rng: np.random.Generator, config: CabinetConfig, held_out: bool = False) -> CabinetSpec:
@@ -58,26 +53,25 @@ def sample_cabinet(rng: np.random.Generator, config: CabinetConfig, held_out: bo
     Raises:
         AssetError: the config leaves (nearly) no legal cabinet.
     """
-    families = {f.name: f for f in config.families if f.held_out == held_out}
-    for _ in range(MAX_DRAWS // _PATIENCE):
+    for _ in range(_MAX_DRAWS // _DRAWS_PER_FAMILY):
         # drawn once for many tries: what fits less often is not made less often
-        family = families[pick(rng, {name: f.weight for name, f in families.items()})]
+        family = pick_family(rng, config.families, held_out)
         kind = pick(rng, family.handles)
-        for _ in range(_PATIENCE):
+        for _ in range(_DRAWS_PER_FAMILY):
             spec = _draw_spec(rng, config, family, kind)  # type: ignore[arg-type]
             if spec is not None and _is_legal(spec, config):
                 return spec if spec.support.kind != "wall" else replace(spec, wall=_wall(rng, config.wall))
     raise AssetError(
-        f"no legal cabinet in {MAX_DRAWS} draws: the ranges of the cabinet config contradict each other"
+        f"no legal cabinet in {_MAX_DRAWS} draws: the ranges of the cabinet config contradict each other"
     )
 
 
 def collision_count(spec: CabinetSpec) -> int:
-    """How many collision shapes the built cabinet has."""
-    count = carcass_shapes(spec) + support_shapes(spec)
+    """Return how many collision shapes the built cabinet has."""
+    count = carcass_shapes(spec)
     for cell in spec.cells:
         if cell.kind in ("drawer", "door"):
-            count += front_shapes(spec, cell) + (BOX_SHAPES if cell.kind == "drawer" else 0)
+            count += (1 if handle_cavity(spec, cell) is None else 4) + (BOX_SHAPES if cell.kind == "drawer" else 0)
         if cell.handle is not None:
             count += pull_shapes(spec.handle_of(cell))
     return count
@@ -93,7 +87,7 @@ def _is_legal(spec: CabinetSpec, config: CabinetConfig) -> bool:
 def _draw_spec(
     rng: np.random.Generator, config: CabinetConfig, family: CabinetFamilyConfig, kind: HandleKind
 ) -> CabinetSpec | None:
-    """One draw, or None where a door or drawer came out illegal."""
+    """Draw once; return None where a door or drawer came out illegal."""
     width, depth, height = (within(rng, r) for r in (family.width_m, family.depth_m, family.height_m))
     panel, back = within(rng, config.panel_m), within(rng, config.back_m)
     front = draw_front(rng, config, family)
@@ -101,13 +95,12 @@ def _draw_spec(
     support = draw_support(rng, config, family, width)
     handles = draw_handles(rng, config.handle, kind)
     region = _whole_front(width, height, panel, support, top)
-    tree = Composer(rng, config, family, panel, front.mount == "inset").compose(
-        region.rect.width, region.rect.height
-    )
-    habits = draw_habits(rng, config, front, handles, support, depth, back)
+    layout = LayoutSampler(rng, config, family, panel, inset=front.mount == "inset")
+    tree = layout.compose(region.rect.width, region.rect.height)
+    style = draw_style(rng, config, front, handles, support, depth, back)
     places = list(resolve(tree, region, panel))
     boards = join_shelves([board for place in places for board in _boards(place, depth, back, panel, front)])
-    cells = tuple(fill_cell(rng, config, place, habits) for place in places if place.leaf is not None)
+    cells = tuple(fill_cell(rng, config, place, style) for place in places if place.leaf is not None)
     if not _all_legal(cells):
         return None
     appearance = sample_cabinet_appearance(rng, family.finishes)
@@ -121,8 +114,8 @@ def _draw_spec(
         height_m=height,
         panel_m=panel,
         back_m=back,
-        side_m=within(rng, DRAWER_SIDE_M),
-        bottom_m=within(rng, DRAWER_BOTTOM_M),
+        side_m=within(rng, _DRAWER_SIDE_M),
+        bottom_m=within(rng, _DRAWER_BOTTOM_M),
         support=support,
         top=top,
         front=front,
@@ -136,7 +129,7 @@ def _draw_spec(
 
 
 def _wall(rng: np.random.Generator, config: WallConfig) -> Wall:
-    """Drawn last of all, so that cabinets are the same whatever their walls are."""
+    """Draw the wall, last of all, so that cabinets are the same whatever their walls are."""
     return Wall(
         config.width_m, config.height_m, config.thickness_m, sample_surface(rng, "paint", tuple(config.paints))
     )
@@ -147,7 +140,7 @@ def _all_legal(cells: tuple[Cell | None, ...]) -> TypeGuard[tuple[Cell, ...]]:
 
 
 def _whole_front(width: float, height: float, panel: float, support: Support, top: Top) -> Region:
-    """The clear opening within the carcass."""
+    """Return the clear opening within the carcass."""
     bottom = round(support.height_m + panel, 5)
     rect = Rect(
         round(-width / 2 + panel, 5), round(width / 2 - panel, 5), bottom, round(height - top.thickness_m, 5)
@@ -156,16 +149,16 @@ def _whole_front(width: float, height: float, panel: float, support: Support, to
     return Region(rect, side, side, side, Edge("under" if top.front_m > 0 else "outer", top.thickness_m))
 
 
-def _boards(place: Placed, depth: float, back: float, panel: float, front: FrontStyle) -> list[Board]:
-    """The divider of a place, or the shelves within its cell."""
+def _boards(place: Placement, depth: float, back: float, panel: float, front: FrontStyle) -> list[Board]:
+    """Return the divider of a place, or the shelves within its cell."""
     first, last = round(-depth / 2, 5), round(depth / 2 - back, 5)
     rect = place.region.rect
     if place.leaf is None:
         rail = place.divider == "rail"
-        return [Board(rect, first, first + RAIL_DEPTH_M if rail else last, "rail" if rail else "divider")]
+        return [Board(rect, first, first + _RAIL_DEPTH_M if rail else last, "rail" if rail else "divider")]
     closed = place.leaf.kind == "door"
     if closed:
-        first += SHELF_SETBACK_M + (front.thickness_m if front.mount == "inset" else 0.0)
+        first += _SHELF_SETBACK_M + (front.thickness_m if front.mount == "inset" else 0.0)
     count = place.leaf.shelves
     boards = []
     for k in range(1, count + 1):
@@ -177,7 +170,7 @@ def _boards(place: Placed, depth: float, back: float, panel: float, front: Front
 
 
 def join_shelves(boards: list[Board]) -> tuple[Board, ...]:
-    """One shelf in place of halves that meet, as behind a pair of doors."""
+    """Replace halves of shelves that meet, as behind a pair of doors, by one shelf."""
     joined: list[Board] = []
     for board in boards:
         r = board.rect
@@ -199,4 +192,4 @@ def join_shelves(boards: list[Board]) -> tuple[Board, ...]:
 def _density(rng: np.random.Generator, appearance: CabinetAppearance) -> float:
     wooden = "solid" if rng.random() < 0.4 else "board"
     kind = "fibreboard" if appearance.front.finish == "paint" else wooden
-    return round(float(rng.uniform(*DENSITY_KG_M3[kind])), 1)
+    return round(float(rng.uniform(*_DENSITY_KG_M3[kind])), 1)

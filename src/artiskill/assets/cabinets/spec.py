@@ -10,6 +10,8 @@ from typing import Literal
 from artiskill.assets.cabinets.appearance import CabinetAppearance
 from artiskill.assets.finishes import Surface
 
+SupportKind = Literal["plinth", "sides", "legs", "casters", "floor", "wall"]
+LegShape = Literal["round", "square", "splayed", "bun", "sled"]
 CellKind = Literal["drawer", "door", "open", "blind"]
 Side = Literal["left", "right", "top", "bottom"]
 FaceKind = Literal["slab", "shaker", "raised", "glazed", "louvred", "planks"]
@@ -97,7 +99,7 @@ class HandlePlace:
     mirrored: bool = False
 
     def reach(self, model: HandleModel) -> tuple[float, float]:
-        """How far the handle reaches from its centre, along y and along z."""
+        """Return how far the handle reaches from its centre, along y and along z."""
         along = max(self.length_m / 2 + model.overhang_m, model.size_m / 2)
         across = model.size_m / 2
         return (across, along) if self.vertical else (along, across)
@@ -121,13 +123,13 @@ class Cell:
 
     kind: CellKind
     clear: Rect
-    front: Rect | None
-    face: FaceKind
-    hinge: Side | None
-    limit: float
-    box_height_m: float
-    box_length_m: float
-    handle: HandlePlace | None
+    front: Rect | None = None
+    face: FaceKind = "slab"
+    hinge: Side | None = None
+    limit: float = 0.0
+    box_height_m: float = 0.0
+    box_length_m: float = 0.0
+    handle: HandlePlace | None = None
 
 
 @dataclass(frozen=True)
@@ -143,11 +145,11 @@ class Support:
         leg_shape: of legs.
     """
 
-    kind: Literal["plinth", "sides", "legs", "casters", "floor", "wall"]
+    kind: SupportKind
     height_m: float
     setback_m: float
     leg_m: float
-    leg_shape: Literal["round", "square", "splayed", "bun", "sled"]
+    leg_shape: LegShape
 
 
 @dataclass(frozen=True)
@@ -261,18 +263,18 @@ class CabinetSpec:
         return face_x(self.depth_m, self.front)
 
     def count(self, kind: CellKind) -> int:
-        """How many cells are of a kind."""
+        """Return how many cells are of a kind."""
         return [cell.kind for cell in self.cells].count(kind)
 
     def handle_of(self, cell: Cell) -> HandleModel:
-        """The model that a door or a drawer carries."""
+        """Return the model that a door or a drawer carries."""
         return self.drawer_handle if cell.kind == "drawer" else self.door_handle
 
     def bulge_m(self, y: float) -> float:
-        """How far the fronts' face stands before `face_x` at a y: a parabola over the cabinet's width."""
+        """Return how far the fronts' face stands before `face_x` at a y: a parabola over the cabinet's width."""
         return self.front.bow_m * max(0.0, 1.0 - (2.0 * y / self.width_m) ** 2)
 
 
 def face_x(depth_m: float, front: FrontStyle) -> float:
-    """Where the outer face of fronts lies, along x: flush with the carcass, or before it."""
+    """Return where the outer face of fronts lies, along x: flush with the carcass, or before it."""
     return -depth_m / 2 - (front.thickness_m + BUMPER_M if front.mount == "overlay" else 0.0)

@@ -1,10 +1,13 @@
-"""What the parts of one cabinet have in common: fronts, top, support and handles, drawn from ranges."""
+"""Draws what a cabinet's parts share: fronts, top, support, handles, and how its doors and drawers are made."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from artiskill.assets.cabinets.config import CabinetConfig, CabinetFamilyConfig, HandleConfig
-from artiskill.assets.cabinets.pulls.bars import FLAT_BAR_M, STRAP_M
-from artiskill.assets.cabinets.pulls.knobs import HEADS
+from artiskill.assets.cabinets.pulls import FLAT_BAR_M, HEADS, STRAP_M
 from artiskill.assets.cabinets.spec import BUMPER_M, FrontStyle, HandleKind, HandleModel, Support, Top
 from artiskill.assets.finishes import GRAIN_TILE_M
 from artiskill.assets.generators import pick, within
@@ -16,8 +19,91 @@ _CORNICE_STEP_M = (0.012, 0.02)
 _DOOR_KINDS: tuple[HandleKind, ...] = ("bar", "bow", "knob")  # beside another kind on the drawers
 
 
+@dataclass(frozen=True)
+class CabinetStyle:
+    """What the doors and drawers of one cabinet share, so that they look and move like a set.
+
+    Attributes:
+        depth_m: of the carcass.
+        back_m: thickness of its back panel.
+        front: look of the front panels.
+        drawer_handle, door_handle: models of the handles.
+        centres_m: distance of a handle's posts where the front is large enough.
+        drawer_drop_m: how far below a high drawer front's upper edge its handle sits; None: in the middle.
+        door_vertical: whether doors' handles stand upright.
+        door_level: where on the doors' height their handles sit.
+        door_margin_m: from the handle's end to the door's upper or lower edge.
+        door_edge_m: from an upright handle's axis to the door's free edge.
+        door_limit_rad: how far doors open where nothing is in the way.
+        flap_limit_rad: how far flaps open where nothing is in the way.
+        travel_fraction: how far drawers open, relative to their boxes' depth.
+        box_fraction: how much of the room above a drawer's floor its sides take up.
+        lip_fraction: length of lips, relative to their front.
+        lips_low: whether lips run along the lower edges.
+        slot_length_m: length of the cavities of flush bars.
+    """
+
+    depth_m: float
+    back_m: float
+    front: FrontStyle
+    drawer_handle: HandleModel
+    door_handle: HandleModel
+    centres_m: float
+    drawer_drop_m: float | None
+    door_vertical: bool
+    door_level: Literal["upper", "middle", "lower"]
+    door_margin_m: float
+    door_edge_m: float
+    door_limit_rad: float
+    flap_limit_rad: float
+    travel_fraction: float
+    box_fraction: float
+    lip_fraction: float
+    lips_low: bool
+    slot_length_m: float
+
+
+def draw_style(
+    rng: np.random.Generator,
+    config: CabinetConfig,
+    front: FrontStyle,
+    handles: tuple[HandleModel, HandleModel],
+    support: Support,
+    depth_m: float,
+    back_m: float,
+) -> CabinetStyle:
+    """Draw a cabinet's style; `handles` are of drawers and of doors, the rest is as in `CabinetStyle`."""
+    edge = config.handle.edge_m
+    door, flap = (math.radians(rng.uniform(*limit)) for limit in (config.door_limit_deg, config.flap_limit_deg))
+    drop = float(rng.uniform(0.06, 0.085))
+    hung = support.kind == "wall"
+    level = rng.random()
+    low_end: Literal["upper", "lower"] = "lower" if hung else "upper"
+    return CabinetStyle(
+        depth_m=depth_m,
+        back_m=back_m,
+        front=front,
+        drawer_handle=handles[0],
+        door_handle=handles[1],
+        centres_m=float(rng.choice(config.handle.centres_m)),
+        drawer_drop_m=drop if rng.random() < 0.4 else None,
+        door_vertical=bool(rng.random() < 0.85),
+        door_level=low_end if level < 0.6 else "middle",
+        door_margin_m=float(rng.uniform(0.05, 0.09)),
+        # on a framed door in the middle of the frame's stile
+        door_edge_m=max(edge, front.frame_m / 2) if front.frame_m > 0 else edge + float(rng.uniform(0.0, 0.015)),
+        door_limit_rad=door,
+        flap_limit_rad=flap,
+        travel_fraction=float(rng.uniform(*config.travel_fraction)),
+        box_fraction=float(rng.uniform(0.6, 1.0)),
+        lip_fraction=float(rng.uniform(0.3, 0.8)),
+        lips_low=hung and bool(rng.random() < 0.5),
+        slot_length_m=float(rng.uniform(*config.handle.slot_length_m)),
+    )
+
+
 def draw_front(rng: np.random.Generator, config: CabinetConfig, family: CabinetFamilyConfig) -> FrontStyle:
-    """How the fronts are made."""
+    """Draw how the fronts are made."""
     inset = rng.random() < family.inset_probability
     face = pick(rng, family.faces)
     framed = face in _FRAMED
@@ -38,7 +124,7 @@ def draw_front(rng: np.random.Generator, config: CabinetConfig, family: CabinetF
 def draw_top(
     rng: np.random.Generator, family: CabinetFamilyConfig, width_m: float, panel_m: float, front: FrontStyle
 ) -> Top:
-    """The top board, flush or overhanging."""
+    """Draw the top board, flush or overhanging."""
     upstand = within(rng, (0.05, 0.12)) if rng.random() < family.upstand_probability else 0.0
     if rng.random() >= family.overhang_probability:
         return Top(panel_m, 0.0, 0.0, 1, upstand)
@@ -54,7 +140,7 @@ def draw_top(
 def draw_support(
     rng: np.random.Generator, config: CabinetConfig, family: CabinetFamilyConfig, width_m: float
 ) -> Support:
-    """What it stands on."""
+    """Draw what the cabinet stands or hangs on."""
     kind = pick(rng, family.supports)
     shape = pick(rng, config.leg_shapes)
     leg = within(rng, (0.026, 0.05))
@@ -85,17 +171,12 @@ def _legs(shape: str, height: float, setback: float, leg: float) -> Support:
 def draw_handles(
     rng: np.random.Generator, config: HandleConfig, kind: HandleKind
 ) -> tuple[HandleModel, HandleModel]:
-    """The models of drawers, of this kind, and of doors, mostly the same."""
-    drawers = draw_handle(rng, config, kind)
+    """Draw the handles of drawers, of this kind, and of doors, which are mostly the same."""
+    drawers = _MODELS[kind](rng, config)
     other = rng.random() < config.mixed_probability
     if kind != "cup" and not other:
         return drawers, drawers
-    return drawers, draw_handle(rng, config, _DOOR_KINDS[int(rng.integers(len(_DOOR_KINDS)))])
-
-
-def draw_handle(rng: np.random.Generator, config: HandleConfig, kind: HandleKind) -> HandleModel:
-    """A model of one kind."""
-    return _MODELS[kind](rng, config)
+    return drawers, _MODELS[_DOOR_KINDS[int(rng.integers(len(_DOOR_KINDS)))]](rng, config)
 
 
 def _bar(rng: np.random.Generator, c: HandleConfig) -> HandleModel:
