@@ -19,7 +19,7 @@ from artiskill.robots.arm_config import ShapeConfig
 from artiskill.robots.config import MountConfig
 from artiskill.sensors.render_config import LampConfig
 from artiskill.tasks.registry import make_task, task_names
-from artiskill.tasks.task_config import TaskConfig
+from artiskill.tasks.task import TaskConfig
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "configuration.md"
 BEGIN, END = "<!-- made by tools/make_configuration_docs.py -->", "<!-- end of what was made -->"

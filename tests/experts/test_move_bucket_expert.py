@@ -13,7 +13,7 @@ from artiskill.experts.move_bucket_config import MoveBucketExpertConfig
 from artiskill.experts.move_bucket_press import PressConfig, choose_press
 from artiskill.experts.variation import load_variation, varied
 from artiskill.experts.whole_body import WholeBodyConfig, WholeBodyController
-from artiskill.tasks.move_bucket.goal import make_bucket_goal
+from artiskill.tasks.move_bucket import make_bucket_goal
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from artiskill.experts.push_chair_config import PushChairExpertConfig
 from artiskill.experts.push_chair_plan import LEFT, RIGHT, make_plan, steered
 from artiskill.experts.variation import load_variation, varied
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.push_chair.posts import grip_places
+from artiskill.tasks.grasp_candidates import graspable_columns
 
 SWIVEL, SLED, CANTILEVER = "chair-0001", "chair-0039", "chair-0037"
 CHAIRS = list_objects("chair") + list_objects("chair", "ood")
@@ -35,7 +35,7 @@ def env() -> ManipulationEnv:
 @pytest.mark.parametrize("name", CHAIRS)
 def test_every_chair_has_a_post_to_grip(name: str) -> None:
     obj = load_object(name)
-    places = grip_places(obj)
+    places = graspable_columns(obj)
     points, count = places.points, places.count
     assert count in (1, 2, 4)
     assert not points[count:].any()
@@ -80,7 +80,7 @@ def test_a_frame_takes_both_hands_which_do_not_cross(
 
 
 def test_a_chair_without_known_posts_still_has_a_plan(env: ManipulationEnv, config: PushChairExpertConfig) -> None:
-    env.goal.grip_count[:] = 0
+    env.goal.grasp_count[:] = 0
     assert len(make_plan(env.snapshot, env.goal, config).hands) == 1
 
 
@@ -101,9 +101,9 @@ def test_the_height_of_the_grip_goes_from_end_to_end(env: ManipulationEnv, confi
         plan = make_plan(env.snapshot, env.goal, dataclasses.replace(config, grip_height_share=share))
         return float(plan.points[RIGHT, 2])
 
-    lowest, highest = env.goal.grip_ends[0, 0, :, 2]
+    lowest, highest = env.goal.grasp_ends[0, 0, :, 2]
     assert height(-1.0) == lowest
-    assert height(0.0) == env.goal.grip_points[0, 0, 2]
+    assert height(0.0) == env.goal.grasp_points[0, 0, 2]
     assert height(1.0) == highest
     assert lowest < height(-0.5) < height(0.0) < height(0.5) < highest
 
@@ -237,7 +237,7 @@ def test_it_gives_up_a_reach_in_vain_and_takes_the_usual_hold(
             break
     assert held == 25
     assert expert._plan is not None
-    np.testing.assert_array_equal(expert._plan.points[RIGHT], env.goal.grip_points[0, 0])
+    np.testing.assert_array_equal(expert._plan.points[RIGHT], env.goal.grasp_points[0, 0])
 
 
 def test_it_drives_around_a_chair_and_not_through_it(env: ManipulationEnv, config: PushChairExpertConfig) -> None:
@@ -300,9 +300,9 @@ def test_hands_take_sides_and_no_diagonals(env: ManipulationEnv, config: PushCha
     square = 0.2 * np.array(((1.0, 1, 1), (1, -1, 1), (-1, -1, 1), (-1, 1, 1)))
     goal = dataclasses.replace(
         env.goal,
-        grip_points=square[None],
-        grip_ends=np.repeat(square[None, :, None], 2, axis=2),
-        grip_count=np.array([4]),
+        grasp_points=square[None],
+        grasp_ends=np.repeat(square[None, :, None], 2, axis=2),
+        grasp_count=np.array([4]),
     )
     sides = set()
     for bias in np.linspace(-3, 3, 13):

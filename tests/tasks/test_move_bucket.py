@@ -12,9 +12,7 @@ from artiskill.errors import ConfigError
 from artiskill.geometry.rotations import quat_to_matrix
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.levels import RngStream, level_generator
-from artiskill.tasks.move_bucket.goal import body_box, bucket_centre_w
-from artiskill.tasks.move_bucket.reward import hand_places
-from artiskill.tasks.move_bucket.success import ball_depth_m
+from artiskill.tasks.move_bucket import ball_depth_m, body_box, bucket_centre_w, hand_placement
 from artiskill.tasks.registry import make_task
 
 TASK = make_task("MoveBucket")
@@ -182,12 +180,14 @@ def test_the_ball_is_as_deep_as_its_way_out_is_long(instant: tuple[Snapshot, Any
 def test_hands_on_opposite_sides_are_seen(instant: tuple[Snapshot, Any]) -> None:
     snapshot, goal = instant
     around = with_hands(held(snapshot, (1.0, 0.0, 0.0)), goal)
-    cosine, level = hand_places(around, bucket_centre_w(around, goal))
+    cosine, level = hand_placement(around, bucket_centre_w(around, goal))
     assert cosine[0] == pytest.approx(-1)
     assert level[0] == pytest.approx(0, abs=1e-12)
     tools = around.tool_position_w.copy()
     tools[0, 1] = tools[0, 0] + (0, 0, 0.1)
-    cosine, level = hand_places(dataclasses.replace(around, tool_position_w=tools), bucket_centre_w(around, goal))
+    cosine, level = hand_placement(
+        dataclasses.replace(around, tool_position_w=tools), bucket_centre_w(around, goal)
+    )
     assert cosine[0] == pytest.approx(1)
     assert level[0] == pytest.approx(0.1)
 

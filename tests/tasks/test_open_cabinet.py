@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 from artiskill.assets.articulated_object import ROOM_WALL, ArticulatedObject
+from artiskill.assets.cabinets import GENERATOR
 from artiskill.assets.catalog import load_object
 from artiskill.errors import AssetError, ConfigError, UnknownNameError
 from artiskill.scene.scene import build_scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.goals import stack_goals
+from artiskill.tasks.handle_proximity import finger_distances, hand_angle
 from artiskill.tasks.levels import MAX_LEVEL, RngStream, check_level, level_generator
-from artiskill.tasks.open_cabinet.goal import OpenGoal, make_open_goal
-from artiskill.tasks.open_cabinet.hand_pose import hand_angle
-from artiskill.tasks.open_cabinet.proximity import handle_proximity
+from artiskill.tasks.open_cabinet import CabinetGoal, make_cabinet_goal
 from artiskill.tasks.registry import make_task
+from artiskill.tasks.task import stack_goals
 
 TASK = make_task("OpenCabinetDrawer")
 
@@ -28,7 +28,7 @@ def cabinet() -> ArticulatedObject:
 
 
 @pytest.fixture(scope="module")
-def moving(cabinet: ArticulatedObject) -> tuple[Snapshot, OpenGoal]:
+def moving(cabinet: ArticulatedObject) -> tuple[Snapshot, CabinetGoal]:
     """Three environments after twenty random steps, with different targets."""
     targets = TASK.targets(cabinet)[:3]
     simulation = Simulation(build_scene(TASK.robot, cabinet, TASK.physics), num_envs=3)
@@ -76,7 +76,7 @@ def row_of(value: Any, i: int) -> Any:
     return type(value)(**{**cut, **({"row": np.array([0])} if "row" in cut else {})})
 
 
-def answers(snapshot: Snapshot, goal: OpenGoal) -> dict[str, Any]:
+def answers(snapshot: Snapshot, goal: CabinetGoal) -> dict[str, Any]:
     return {
         **TASK.flags(snapshot, goal),
         **TASK.reward_terms(snapshot, goal, TASK.flags(snapshot, goal)),
@@ -84,7 +84,7 @@ def answers(snapshot: Snapshot, goal: OpenGoal) -> dict[str, Any]:
     }
 
 
-def test_torch_gives_the_same_answers(moving: tuple[Snapshot, OpenGoal]) -> None:
+def test_torch_gives_the_same_answers(moving: tuple[Snapshot, CabinetGoal]) -> None:
     torch = pytest.importorskip("torch", reason="torch tensors are tried where torch is installed")
     ours = answers(*moving)
     theirs = answers(*(converted(value, torch.asarray) for value in moving))
@@ -93,7 +93,7 @@ def test_torch_gives_the_same_answers(moving: tuple[Snapshot, OpenGoal]) -> None
         np.testing.assert_allclose(theirs[name].numpy(), value, atol=1e-7, err_msg=name)
 
 
-def test_a_batch_is_its_rows(moving: tuple[Snapshot, OpenGoal]) -> None:
+def test_a_batch_is_its_rows(moving: tuple[Snapshot, CabinetGoal]) -> None:
     whole = answers(*moving)
     for i in range(3):
         part = answers(*(row_of(value, i) for value in moving))
@@ -101,11 +101,19 @@ def test_a_batch_is_its_rows(moving: tuple[Snapshot, OpenGoal]) -> None:
             np.testing.assert_array_equal(part[name][0], value[i], err_msg=name)
 
 
+def at_handle(snapshot: Snapshot, goal: CabinetGoal) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Distance and depth of the fingers, and the hand's angle."""
+    origin, rotation = (v[goal.row, goal.link] for v in (snapshot.link_position_w, snapshot.link_rotation_w))
+    lines, hand = snapshot.finger_line_w[:, :2], snapshot.tool_rotation_w[:, 0]
+    distance, depth = finger_distances(lines, origin, rotation, goal.handle_points, goal.handle_planes)
+    return distance, depth, hand_angle(rotation, hand, goal.grasp_rotations)
+
+
 def test_distance_is_that_of_segments_to_points(
-    moving: tuple[Snapshot, OpenGoal], cabinet: ArticulatedObject
+    moving: tuple[Snapshot, CabinetGoal], cabinet: ArticulatedObject
 ) -> None:
     snapshot, goal = moving
-    distance, _ = handle_proximity(snapshot, goal)
+    distance, _, _ = at_handle(snapshot, goal)
     for i in range(3):
         link = int(goal.link[i])
         handle = cabinet.handles_of(cabinet.links[link].name)[0]
@@ -118,9 +126,9 @@ def test_distance_is_that_of_segments_to_points(
             assert distance[i, finger] == pytest.approx(brute, abs=1e-5)
 
 
-def gripping(cabinet: ArticulatedObject, target: str, along_m: float = 0.0) -> tuple[Snapshot, OpenGoal]:
+def gripping(cabinet: ArticulatedObject, target: str, along_m: float = 0.0) -> tuple[Snapshot, CabinetGoal]:
     """A made-up instant in which an ideal hand holds the handle, or stands back from it by `along_m`."""
-    goal = make_open_goal(cabinet, target, 0.9)
+    goal = make_cabinet_goal(cabinet, target, 0.9)
     simulation = Simulation(build_scene(TASK.robot, cabinet, TASK.physics))
     simulation.reset([TASK.sample_initial_state(cabinet, np.random.default_rng(0))])
     snapshot = simulation.snapshot()
@@ -132,17 +140,17 @@ def gripping(cabinet: ArticulatedObject, target: str, along_m: float = 0.0) -> t
     return dataclasses.replace(snapshot, tool_rotation_w=rotation[None], finger_line_w=np.array(ends)[None]), goal
 
 
-def stage_of(snapshot: Snapshot, goal: OpenGoal) -> int:
+def stage_of(snapshot: Snapshot, goal: CabinetGoal) -> int:
     earned = float(answers(snapshot, goal)["stage"][0])
     return int(np.searchsorted(TASK.config.reward.stage_bonus, earned, side="right")) - 1
 
 
 def test_an_ideal_grip_is_close_and_a_distant_hand_is_not(cabinet: ArticulatedObject) -> None:
     snapshot, goal = gripping(cabinet, "link_3")
-    distance, depth = handle_proximity(snapshot, goal)
+    distance, depth, angle = at_handle(snapshot, goal)
     assert (distance < 0.01).all()
     assert depth[0] > 0
-    assert hand_angle(snapshot, goal)[0] == pytest.approx(0, abs=1e-6)
+    assert angle[0] == pytest.approx(0, abs=1e-6)
     assert stage_of(snapshot, goal) == 1
     assert stage_of(*gripping(cabinet, "link_3", along_m=0.05)) == 0
 
@@ -192,13 +200,13 @@ def test_initial_states_lie_in_their_ranges(cabinet: ArticulatedObject) -> None:
 
 def test_goals_name_what_is_wrong(cabinet: ArticulatedObject) -> None:
     with pytest.raises(UnknownNameError, match="link_3"):
-        make_open_goal(cabinet, "link_33", 0.9)
+        make_cabinet_goal(cabinet, "link_33", 0.9)
     with pytest.raises(AssetError, match="no joint"):
-        make_open_goal(cabinet, "base", 0.9)
+        make_cabinet_goal(cabinet, "base", 0.9)
 
 
 def test_too_many_joints_for_the_state_vector(
-    cabinet: ArticulatedObject, moving: tuple[Snapshot, OpenGoal]
+    cabinet: ArticulatedObject, moving: tuple[Snapshot, CabinetGoal]
 ) -> None:
     small = make_task("OpenCabinetDrawer", {"max_object_joints": 2})
     with pytest.raises(AssetError, match="max_object_joints"):
@@ -222,3 +230,24 @@ def test_unknown_tasks_and_bad_values() -> None:
         make_task("OpenCabinetDrawer", {"reward.stage_bonus": [1, 2, 3, 3]})
     with pytest.raises(ConfigError, match="range"):
         make_task("OpenCabinetDrawer", {"initial.joint_damping": [20, 5]})
+
+
+def goal_with(kind: str, grasps: int) -> CabinetGoal:
+    """The goal of the first drawer or door with such a handle."""
+    for seed in range(200):
+        obj = GENERATOR.make(seed, f"cabinet-{seed}")
+        for handle in obj.handles:
+            if handle.kind == kind and len(handle.grasp_positions) == grasps:
+                return make_cabinet_goal(obj, handle.link, 0.9)
+    raise AssertionError(f"no {kind} with {grasps} grasps")
+
+
+def test_grasps_are_padded_with_the_best() -> None:
+    bar, knob = goal_with("bar", 2), goal_with("knob", 8)
+    both = stack_goals([bar, knob])
+    assert both.grasp_rotations.shape == (2, 8, 3, 3)
+    np.testing.assert_array_equal(both.grasp_rotations[0, :2], bar.grasp_rotations[0])
+    np.testing.assert_array_equal(both.grasp_rotations[0, 2:], np.repeat(bar.grasp_rotations[:, 0], 6, axis=0))
+    np.testing.assert_array_equal(both.grasp_positions[1], knob.grasp_positions[0])
+    most = max(len(bar.handle_planes[0]), len(knob.handle_planes[0]))
+    assert both.handle_planes.shape == (2, most, 4)

@@ -11,9 +11,9 @@ from artiskill.assets.catalog import load_object
 from artiskill.errors import ConfigError
 from artiskill.geometry.rotations import quat_rotate, quat_to_matrix
 from artiskill.sim.snapshot import Snapshot
+from artiskill.tasks.free_object import ObjectPose
 from artiskill.tasks.levels import RngStream, level_generator
 from artiskill.tasks.registry import make_task
-from artiskill.tasks.standing import Stand
 
 TASK = make_task("PushChair")
 CHAIR = "chair-0002"
@@ -101,7 +101,7 @@ def test_static_compares_with_the_previous_step(instant: tuple[Snapshot, Any], s
 def test_nearing_the_target_is_positive_speed(instant: tuple[Snapshot, Any]) -> None:
     snapshot, _ = instant
     moving = standing(snapshot, (1.0, 0.0), root_velocity_w=np.array([[-0.3, 0.4, 0, 0, 0, 0]]))
-    assert Stand(moving).approach_speed_m_s[0] == pytest.approx(0.3)
+    assert ObjectPose(moving).approach_speed_m_s[0] == pytest.approx(0.3)
 
 
 def stage_of(snapshot: Snapshot, goal: Any) -> int:

@@ -33,10 +33,14 @@ every_table = pytest.mark.parametrize(
 )
 
 
+def named(table: StageTable, measured: np.ndarray) -> dict[str, np.ndarray]:
+    return dict(zip(table.measures, measured.T, strict=True))
+
+
 def reward(
     table: StageTable, bonus: Sequence[float], weights: dict[str, float], measured: np.ndarray, stage: np.ndarray
 ) -> np.ndarray:
-    terms = table.evaluate(measured, stage, bonus)
+    terms = table.evaluate(named(table, measured), stage, bonus)
     return np.asarray(sum(weights[name] * value for name, value in terms.items()))
 
 
@@ -136,7 +140,7 @@ def test_dawdling_costs_more_than_finishing(
 
 def test_terms_stay_in_their_range_and_only_count_where_asked() -> None:
     measured = random_measures(TOY, 1000, np.random.default_rng(2))
-    terms = TOY.evaluate(measured, np.zeros(1000, dtype=int), TOY_BONUS)
+    terms = TOY.evaluate(named(TOY, measured), np.zeros(1000, dtype=int), TOY_BONUS)
     assert all((terms[name] >= 0).all() and (terms[name] <= 1).all() for name in TOY.terms)
     assert (terms["fast"] == 0).all()
     assert (terms["near"] > 0).any()
@@ -171,14 +175,14 @@ def test_weights_that_break_a_promise_are_refused(
 
 
 @every_table
-def test_the_kernel_does_what_the_array_calls_say(
+def test_the_kernel_does_what_the_reference_says(
     name: str, table: StageTable, bonus: Sequence[float], weights: dict[str, float]
 ) -> None:
     rng = np.random.default_rng(5)
     measured, stage = random_measures(table, 500, rng), rng.integers(0, len(table.stages), 500)
-    found = table.evaluate(measured, stage, bonus)
+    found = table.evaluate(named(table, measured), stage, bonus)
     np.testing.assert_allclose(
-        np.stack(list(found.values()), axis=1), table.by_array_calls(measured, stage, bonus), atol=1e-12
+        np.stack(list(found.values()), axis=1), table.terms_reference(measured, stage, bonus), atol=1e-12
     )
     assert tuple(found) == (*table.terms, STAGE_TERM)
 
@@ -190,6 +194,6 @@ def test_single_precision_is_finite_everywhere(
     """Also where two borders meet, and 1 - 1e-9 is 1."""
     rng = np.random.default_rng(8)
     measured, stage = random_measures(table, 5000, rng), rng.integers(0, len(table.stages), 5000)
-    found = table.by_array_calls(measured.astype(np.float32), stage, bonus)
+    found = table.terms_reference(measured.astype(np.float32), stage, bonus)
     assert found.dtype == np.float32
     assert np.isfinite(found).all()

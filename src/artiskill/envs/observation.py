@@ -8,7 +8,7 @@ import numpy as np
 
 from artiskill.scene.scene import Scene
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.fields import field_bounds
+from artiskill.tasks.state_vector import field_bounds
 from artiskill.tasks.task import Goal, Task
 
 

@@ -24,10 +24,10 @@ from artiskill.sensors.pictures.framing import following_cameras
 from artiskill.sensors.render_config import load_render_config
 from artiskill.sensors.renderer import BodyVisual, Renderer
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.move_bucket.goal import BucketGoal
-from artiskill.tasks.open_cabinet.goal import OpenGoal
-from artiskill.tasks.push_chair.goal import PushGoal
-from artiskill.tasks.standing import Stand
+from artiskill.tasks.free_object import ObjectPose
+from artiskill.tasks.move_bucket import BucketGoal
+from artiskill.tasks.open_cabinet import CabinetGoal
+from artiskill.tasks.push_chair import ChairGoal
 from artiskill.tasks.task import Task
 
 STEPS_PER_FRAME = 2
@@ -137,11 +137,11 @@ def episode_caption(env: ManipulationEnv, done: bool) -> str:
     state = env.save_state()
     parts = [state.object, state.target]
     goal = env.goal
-    if isinstance(goal, OpenGoal):
+    if isinstance(goal, CabinetGoal):
         opened = (env.snapshot.object_qpos[0, goal.joint[0]] - goal.lower[0]) / (goal.upper[0] - goal.lower[0])
         parts.append(f"{round(100 * max(0.0, opened))} % open")  # a closed drawer gives a little: no "-0 %"
-    elif isinstance(goal, BucketGoal | PushGoal):
-        parts[1] = f"{Stand(env.snapshot).distance_m[0]:.2f} m from its goal"
+    elif isinstance(goal, BucketGoal | ChairGoal):
+        parts[1] = f"{ObjectPose(env.snapshot).distance_m[0]:.2f} m from its goal"
     if done:
         parts.append("success" if state.streaks.min() >= env.task.hold_steps else "not solved")
     return "  ·  ".join(parts)

@@ -8,7 +8,7 @@ import numpy as np
 
 from artiskill.experts.frames import axis_rotation
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.open_cabinet.goal import OpenGoal
+from artiskill.tasks.open_cabinet import CabinetGoal
 
 _HANGING = -0.5  # a closed door whose edge is so far below its hinge (cosine to the vertical) hangs
 
@@ -67,7 +67,7 @@ class Door:
         return np.cross(self.axis, point - self.hinge)
 
 
-def door_of(snapshot: Snapshot, goal: OpenGoal) -> Door:
+def door_of(snapshot: Snapshot, goal: CabinetGoal) -> Door:
     """The door that a goal asks for (B = 1)."""
     link, joint = int(goal.link[0]), int(goal.joint[0])
     rotation, position = snapshot.link_rotation_w[0, link], snapshot.link_position_w[0, link]

@@ -8,7 +8,7 @@ import numpy as np
 from artiskill.config import check_value
 from artiskill.experts.frames import Frame, axis_rotation
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.open_cabinet.goal import OpenGoal
+from artiskill.tasks.open_cabinet import CabinetGoal
 
 _HALF_HAND_M = 0.03  # of the fingers along the handle, with what they may be off; they stay so far from its ends
 _AS_DEEP_M = 0.006  # what lies no further from the grasp than this, square to the handle, is as good to grip
@@ -67,13 +67,13 @@ class ChosenGrasp:
         leans = self.config.lean_along_rad or self.config.lean_across_rad
         return not (leans or self.shift.any()) and self.number is None
 
-    def on(self, goal: OpenGoal) -> OpenGoal:
+    def on(self, goal: CabinetGoal) -> CabinetGoal:
         """The goal with its grasps where the handle is gripped."""
         if not self.shift.any():
             return goal
         return replace(goal, grasp_positions=goal.grasp_positions + self.shift)
 
-    def frame(self, snapshot: Snapshot, goal: OpenGoal, last_joint: int) -> Frame:
+    def frame(self, snapshot: Snapshot, goal: CabinetGoal, last_joint: int) -> Frame:
         """The grasp pose in the world (B = 1); `goal` as `on` returns it, `last_joint` rolls the hand."""
         position, candidates = _grasps(snapshot, goal)
         if self.number is None:
@@ -100,7 +100,7 @@ def usual_grasp() -> ChosenGrasp:
     return ChosenGrasp(GraspConfig(along=0.0, roll_rad=0.0, lean_along_rad=0.0, lean_across_rad=0.0), np.zeros(3))
 
 
-def choose_grasp(config: GraspConfig, snapshot: Snapshot, goal: OpenGoal, last_joint: int) -> ChosenGrasp:
+def choose_grasp(config: GraspConfig, snapshot: Snapshot, goal: CabinetGoal, last_joint: int) -> ChosenGrasp:
     """The grasp of an episode at its first state (B = 1); `last_joint` rolls the hand."""
     shift = np.zeros(3) if not config.along else _shift(goal, config.along)
     if not config.roll_rad:
@@ -119,7 +119,7 @@ def choose_grasp(config: GraspConfig, snapshot: Snapshot, goal: OpenGoal, last_j
     return found
 
 
-def _grasps(snapshot: Snapshot, goal: OpenGoal) -> tuple[np.ndarray, np.ndarray]:
+def _grasps(snapshot: Snapshot, goal: CabinetGoal) -> tuple[np.ndarray, np.ndarray]:
     """Position (3,) and all orientations (G, 3, 3) in the world."""
     link = int(goal.link[0])
     rotation = snapshot.link_rotation_w[0, link]
@@ -127,7 +127,7 @@ def _grasps(snapshot: Snapshot, goal: OpenGoal) -> tuple[np.ndarray, np.ndarray]
     return position, rotation @ goal.grasp_rotations[0]
 
 
-def _shift(goal: OpenGoal, share: float) -> np.ndarray:
+def _shift(goal: CabinetGoal, share: float) -> np.ndarray:
     """(3,) along the handle, as far as there is something to grip that is as deep and as high as the middle is."""
     axes = goal.grasp_rotations[0, 0]
     along, across, forward = axes.T @ goal.handle_points[0] - (axes.T @ goal.grasp_positions[0, 0])[:, None]

@@ -15,7 +15,7 @@ from artiskill.experts.move_bucket_press import Press, choose_press
 from artiskill.experts.whole_body import TRUNK, WholeBodyController
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.move_bucket.goal import BucketGoal
+from artiskill.tasks.move_bucket import BucketGoal
 
 _ARMS = 2
 _UP = np.array((0.0, 0.0, 1.0))

@@ -7,8 +7,8 @@ import numpy as np
 
 from artiskill.config import check_inside, check_not_negative, check_positive
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.move_bucket.goal import BucketGoal
-from artiskill.tasks.move_bucket.outline import LEVELS
+from artiskill.tasks.grasp_candidates import OUTLINE_LEVELS
+from artiskill.tasks.move_bucket import BucketGoal
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def choose_press(snapshot: Snapshot, goal: BucketGoal, config: PressConfig) -> P
     opposite = np.roll(reach, -outline.shape[1] // 2, axis=1)
     width = reach + opposite
     cost = config.width_weight * (width - width.min(axis=1, keepdims=True))
-    cost += (config.height_weight * np.abs(np.array(LEVELS) - config.share))[:, None]
+    cost += (config.height_weight * np.abs(np.array(OUTLINE_LEVELS) - config.share))[:, None]
     cost += np.where(heights < config.least_height_m, 100.0, 0.0)[:, None]
     cost += _turn_cost(snapshot, directions, config)
     missing = _missing_clearance(snapshot, goal, (heights, directions, reach), config)

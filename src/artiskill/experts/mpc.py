@@ -18,8 +18,7 @@ from artiskill.scene.scene import Scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import SimulationState
-from artiskill.tasks.goals import stack_goals
-from artiskill.tasks.task import Goal, Task
+from artiskill.tasks.task import Goal, Task, stack_goals
 
 CONFIG_PATH = CONFIG_DIR / "experts" / "mpc.yaml"
 _MOST_EXPONENT = 10.0  # noise of a greater one is a constant

@@ -20,7 +20,7 @@ from artiskill.experts.stance import Posture, StanceConfig, approach_point
 from artiskill.experts.whole_body import WholeBodyConfig, WholeBodyController
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.open_cabinet.goal import OpenGoal
+from artiskill.tasks.open_cabinet import CabinetGoal
 
 __all__ = ["OpenCabinetExpert", "OpenCabinetExpertConfig", "Phase"]
 
@@ -79,7 +79,7 @@ class _Instant:
     """What one decision rests on; `left` is the rest of the joint's way to where the expert stops."""
 
     snapshot: Snapshot
-    goal: OpenGoal
+    goal: CabinetGoal
     tool: Frame
     grasp: Frame
     door: Door | None
@@ -117,7 +117,7 @@ class OpenCabinetExpert:
         self._is_second_try = False  # the first one in the usual manner, after one of its own
         self._gripped_rad = 0.0  # angle of the door when the hand closed
 
-    def reset(self, snapshot: Snapshot, goal: OpenGoal) -> None:
+    def reset(self, snapshot: Snapshot, goal: CabinetGoal) -> None:
         """Begin an episode at its first state, in which the arm is at rest (B = 1)."""
         self._begin()
         x, y, yaw, lift = snapshot.robot_qpos[0, :4]
@@ -126,7 +126,7 @@ class OpenCabinetExpert:
         self._stance = self._rest.turned(self.config.stance.bearing_rad, self._mount_m)
         self._grasp = choose_grasp(self.config.grasp, snapshot, goal, self._last_joint)
 
-    def act(self, snapshot: Snapshot, goal: OpenGoal) -> np.ndarray:
+    def act(self, snapshot: Snapshot, goal: CabinetGoal) -> np.ndarray:
         """The next action, (R,) in [-1, 1]."""
         now = self._look(snapshot, goal)
         phase = self._next_phase(now)
@@ -139,7 +139,7 @@ class OpenCabinetExpert:
         qvel = self.controller.joint_velocities(snapshot, self._twist(now.tool, motion)[None], posture)
         return self.controller.to_action(snapshot, qvel, self._fingers(now))
 
-    def _look(self, snapshot: Snapshot, goal: OpenGoal) -> _Instant:
+    def _look(self, snapshot: Snapshot, goal: CabinetGoal) -> _Instant:
         goal = self._grasp.on(goal)
         grasp = self._grasp.frame(snapshot, goal, self._last_joint)
         stop = goal.open_qpos[0] + self.config.overshoot * (goal.upper[0] - goal.open_qpos[0])

@@ -18,7 +18,7 @@ from artiskill.experts.push_chair_plan import RIGHT, GripPlan, make_plan, steere
 from artiskill.experts.whole_body import TRUNK, WholeBodyController
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.push_chair.goal import PushGoal
+from artiskill.tasks.push_chair import ChairGoal
 
 _ARMS = 2
 # What makes the left arm the right one's mirror image, but for the hand, which is turned by half a turn about its
@@ -76,13 +76,13 @@ class PushChairExpert:
         self._held: list[Frame] = []
         self._plan: GripPlan | None = None
 
-    def reset(self, snapshot: Snapshot, goal: PushGoal) -> None:
+    def reset(self, snapshot: Snapshot, goal: ChairGoal) -> None:
         """Begin an episode at its first state (B = 1)."""
         self.phase, self._steps_in_phase = Phase.CARRY, 0
         self._velocity = np.zeros(2)
         self._plan = make_plan(snapshot, goal, self.config)
 
-    def act(self, snapshot: Snapshot, goal: PushGoal) -> np.ndarray:
+    def act(self, snapshot: Snapshot, goal: ChairGoal) -> np.ndarray:
         """The next action, (R,) in [-1, 1]."""
         assert self._plan is not None
         if self.phase is Phase.DRIVE and self._steers:
@@ -117,7 +117,7 @@ class PushChairExpert:
         is_back = self.phase is Phase.RETREAT and nearest > self.config.standoff_m
         return is_back or self._steps_in_phase >= self.config.reach_steps
 
-    def _try_anew(self, snapshot: Snapshot, goal: PushGoal) -> _Aim:
+    def _try_anew(self, snapshot: Snapshot, goal: ChairGoal) -> _Aim:
         """Something is in the way: begin again where it is now, with the usual hold of that side."""
         self.phase, self._steps_in_phase = Phase.CARRY, 0
         self._plan = make_plan(snapshot, goal, replace(self.config, oblique_rad=0.0, grip_height_share=0.0))

@@ -8,7 +8,7 @@ import numpy as np
 from artiskill.experts.frames import yaw_rotation
 from artiskill.experts.push_chair_config import PushChairExpertConfig
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.push_chair.goal import PushGoal
+from artiskill.tasks.push_chair import ChairGoal
 
 LEFT, RIGHT = 1, 0  # the robot's second and first arm
 _LEAST_APART_M = 0.25  # hands on two posts nearer than this would hinder one another
@@ -34,7 +34,7 @@ class GripPlan:
     side_rad: float
 
 
-def make_plan(snapshot: Snapshot, goal: PushGoal, config: PushChairExpertConfig) -> GripPlan:
+def make_plan(snapshot: Snapshot, goal: ChairGoal, config: PushChairExpertConfig) -> GripPlan:
     """The best hold from where the robot is: two posts of one side of the chair, else a single post (B = 1).
 
     A hand alone pushes best straight ahead, as sideways a finger yields sooner: the robot then stands so that this
@@ -89,13 +89,13 @@ def steered(plan: GripPlan, snapshot: Snapshot, config: PushChairExpertConfig) -
     return replace(plan, side_rad=plan.side_rad + min(max(change, -most), most))
 
 
-def _posts(goal: PushGoal, grip_height_share: float) -> np.ndarray:
+def _posts(goal: ChairGoal, grip_height_share: float) -> np.ndarray:
     """(G, 3) where hands grip the chair's posts, in its root's frame."""
-    count = int(goal.grip_count[0])
+    count = int(goal.grasp_count[0])
     if not count:
         return _USUAL_COLUMN
-    usual = goal.grip_points[0, :count]
-    ends = goal.grip_ends[0, :count, 1 if grip_height_share > 0 else 0]
+    usual = goal.grasp_points[0, :count]
+    ends = goal.grasp_ends[0, :count, 1 if grip_height_share > 0 else 0]
     posts: np.ndarray = usual + abs(grip_height_share) * (ends - usual)
     return posts
 

@@ -47,7 +47,7 @@ def make_task(name: str, overrides: Mapping[str, Any] | None = None) -> "Task":
             f"{key!r} is what makes {name} this task and cannot be changed; make another task instead"
         )
     stem, module_name, config_class, make = _TASKS[name]
-    module, configs = import_module(module_name), import_module("artiskill.tasks.task_config")
+    module, configs = import_module(module_name), import_module("artiskill.tasks.task")
     config_file = CONFIG_DIR / "tasks" / f"{stem}.yaml"
     config = configs.load_task_config(getattr(module, config_class), config_file, overrides)
     task: Task = getattr(module, make)(config)

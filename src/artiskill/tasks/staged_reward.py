@@ -26,8 +26,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from artiskill.config import check
-from artiskill.geometry.arrays import Array, amin, clip, namespace, total
-from artiskill.geometry.kernel import kernel
+from artiskill.geometry.arrays import Array, amin, clip, columns, namespace, total
+from artiskill.geometry.kernel import inlined_kernel, kernel
 
 # A stage's best state comes this near to the next stage's worst, relative to the step: never equal, never a jump.
 _NEAREST = 1.0 - 1e-9
@@ -67,6 +67,9 @@ class StageTable:
     Args:
         terms: name -> ramp of a measure.
         stages: in their order; all but the last have something to leave by.
+
+    Attributes:
+        measures: names of all measures that the ramps are of.
     """
 
     def __init__(self, terms: Mapping[str, Ramp], stages: Sequence[Stage]) -> None:
@@ -75,69 +78,58 @@ class StageTable:
         leaves = [(k, ramp) for k, stage in enumerate(stages) for ramp in stage.leaves]
         ramps = [*self.terms.values(), *(ramp for _, ramp in (*enters, *leaves))]
         self.measures = tuple(dict.fromkeys(ramp.measure for ramp in ramps))
-        self._columns = np.array([self.measures.index(ramp.measure) for ramp in ramps])
-        self._zero = np.array([ramp.zero for ramp in ramps])
-        self._scale = 1.0 / (np.array([ramp.one for ramp in ramps]) - self._zero)
-        count = range(len(self.stages))
-        self._asked = np.array([[name in stage.asks for name in self.terms] for stage in self.stages], dtype=float)
-        # 0 where a ramp has a say in a stage, 1 where it has none: the greater of the two is what counts
-        self._enter_floor = np.array([[float(k != stage) for k, _ in enters] for stage in count])
-        self._leave_floor = np.array([[float(k != stage) for k, _ in leaves] for stage in count])
-        self._leavable = np.array([_NEAREST if stage.leaves else 0.0 for stage in self.stages])
-        self._enter = slice(len(self.terms), len(self.terms) + len(enters))
-        self._leave = slice(len(self.terms) + len(enters), len(ramps))
-        # the same for the kernel: which stage a ramp has a say in, -1 for terms, which `_asked` knows
-        self._stage_of = np.array([-1] * len(self.terms) + [k for k, _ in (*enters, *leaves)])
+        zero = np.array([ramp.zero for ramp in ramps])
+        self._arrays = _TableArrays(
+            column=np.array([self.measures.index(ramp.measure) for ramp in ramps]),
+            zero=zero,
+            scale=1.0 / (np.array([ramp.one for ramp in ramps]) - zero),
+            stage_of=np.array([-1] * len(self.terms) + [k for k, _ in (*enters, *leaves)]),
+            asked=np.array([[name in stage.asks for name in self.terms] for stage in self.stages], dtype=float),
+            leavable=np.array([_NEAREST if stage.leaves else 0.0 for stage in self.stages]),
+            leave_start=len(self.terms) + len(enters),
+        )
 
-    def evaluate(self, measured: Array, stage: Array, bonus: Sequence[float]) -> dict[str, Array]:
-        """The unweighted terms.
+    def evaluate(self, measures: Mapping[str, Array], stage: Array, bonus: Sequence[float]) -> dict[str, Array]:
+        """Return the unweighted terms.
 
         Args:
-            measured: (B, M), one column per name in `measures`.
+            measures: name -> (B,), at least those of `measures`.
             stage: (B,) number of the stage.
             bonus: of each stage.
 
         Returns:
             Name -> (B,): the table's terms in [0, 1], and `stage` between the bonus of this stage and the next.
         """
+        measured = columns([measures[name] for name in self.measures])
         if isinstance(measured, np.ndarray):
-            table = self._by_kernel(measured, np.asarray(stage, dtype=np.int64), np.array(bonus, dtype=np.float64))
+            table = np.empty((len(measured), len(self.terms) + 1))
+            measured = np.ascontiguousarray(measured, dtype=np.float64)
+            stage, bonus_array = np.asarray(stage, dtype=np.int64), np.array(bonus, dtype=np.float64)
+            _terms_kernel(measured, stage, self._arrays, bonus_array, table)
         else:
-            table = self.by_array_calls(measured, stage, bonus)
+            table = self.terms_reference(measured, stage, bonus)
         return {name: table[:, i] for i, name in enumerate((*self.terms, STAGE_TERM))}
 
-    def _by_kernel(self, measured: np.ndarray, stage: np.ndarray, bonus: np.ndarray) -> np.ndarray:
-        out = np.empty((len(measured), len(self.terms) + 1))
-        evaluate_rows(
-            np.ascontiguousarray(measured, dtype=np.float64),
-            stage,
-            self._columns,
-            self._zero,
-            self._scale,
-            self._asked,
-            self._stage_of,
-            self._leave.start,
-            self._leavable,
-            bonus,
-            out,
-        )
-        return out
+    def terms_reference(self, measured: Array, stage: Array, bonus: Sequence[float]) -> Array:
+        """Return what `evaluate` does, for any array library and as (B, terms + 1): the kernel's definition.
 
-    def by_array_calls(self, measured: Array, stage: Array, bonus: Sequence[float]) -> Array:
-        """`evaluate` for any array library, as (B, terms + 1): the kernel's definition."""
-        xp, dtype = namespace(measured), measured.dtype
-        zero, scale = xp.asarray(self._zero, dtype=dtype), xp.asarray(self._scale, dtype=dtype)
-        ramps = clip((xp.take(measured, xp.asarray(self._columns), axis=1) - zero) * scale, 0.0, 1.0)
-        floors = (xp.asarray(floor, dtype=dtype)[stage] for floor in (self._enter_floor, self._leave_floor))
-        entered, leaving = (
-            amin(xp.maximum(ramps[:, part], floor))
-            for part, floor in zip((self._enter, self._leave), floors, strict=True)
-        )
-        leaving = leaving * xp.asarray(self._leavable, dtype=dtype)[stage]
+        Args:
+            measured: (B, M), one column per name in `measures`.
+            stage: (B,) number of the stage.
+            bonus: of each stage.
+        """
+        xp, dtype, arrays = namespace(measured), measured.dtype, self._arrays
+        zero, scale = xp.asarray(arrays.zero, dtype=dtype), xp.asarray(arrays.scale, dtype=dtype)
+        ramps = clip((xp.take(measured, xp.asarray(arrays.column), axis=1) - zero) * scale, 0.0, 1.0)
+        # 0 where a ramp counts in a stage, 1 where it does not: the greater of the two is what matters
+        others = (arrays.stage_of != np.arange(len(self.stages))[:, None]).astype(float)
+        floored = xp.maximum(ramps, xp.asarray(others, dtype=dtype)[stage])
+        entered = amin(floored[:, len(self.terms) : arrays.leave_start])
+        leaving = amin(floored[:, arrays.leave_start :]) * xp.asarray(arrays.leavable, dtype=dtype)[stage]
         kept = xp.maximum(1.0 - leaving, xp.asarray(_LEAST_KEPT, dtype=dtype))
         blend = leaving * entered / (leaving * entered + kept)
         gate = (1.0 - blend) * entered
-        terms = ramps[:, : len(self.terms)] * xp.asarray(self._asked, dtype=dtype)[stage] * gate[:, None]
+        terms = ramps[:, : len(self.terms)] * xp.asarray(arrays.asked, dtype=dtype)[stage] * gate[:, None]
         least_reward = xp.asarray(np.array(bonus), dtype=dtype)[stage]
         steps = xp.asarray(np.append(np.diff(bonus), 0.0), dtype=dtype)
         return xp.concat((terms, (least_reward + blend * steps[stage])[:, None]), axis=1)
@@ -178,49 +170,64 @@ class StageTable:
         )
 
     def greatest(self, bonus: Sequence[float], weights: Mapping[str, float]) -> float:
-        """The best that any state can earn: the last stage's bonus and all terms that count in it."""
+        """Return the best that any state can earn: the last stage's bonus and all terms that count in it."""
         terms = math.fsum(weights.get(name, 0.0) for name in self.stages[-1].asks)
         return bonus[-1] * weights.get(STAGE_TERM, 0.0) + terms
 
 
+class _TableArrays(NamedTuple):
+    """A table's R ramps (of the T terms, then what stages are entered by, then what they are left by), K stages.
+
+    Attributes:
+        column: (R,) of the measure.
+        zero: (R,) where the ramp begins.
+        scale: (R,) one over its length.
+        stage_of: (R,) the stage that a ramp is entered or left by; -1 for terms, see `asked`.
+        asked: (K, T) 1 where a stage asks for a term.
+        leavable: (K,) what `leaving` is multiplied by: nearly 1, and 0 in the last stage.
+        leave_start: number of the first ramp that a stage is left by.
+    """
+
+    column: np.ndarray
+    zero: np.ndarray
+    scale: np.ndarray
+    stage_of: np.ndarray
+    asked: np.ndarray
+    leavable: np.ndarray
+    leave_start: int
+
+
 @kernel
-def evaluate_rows(
-    measured: Any,
-    stage: Any,
-    columns: Any,
-    zero: Any,
-    scale: Any,
-    asked: Any,
-    stage_of: Any,
-    leave_start: Any,
-    leavable: Any,
-    bonus: Any,
-    out: Any,
-) -> None:
-    """Fill `out` (B, terms + 1), as `StageTable.by_array_calls` defines it, which takes 45 microseconds more."""
-    terms = asked.shape[1]
+def _terms_kernel(measured: Any, stage: Any, arrays: Any, bonus: Any, out: Any) -> None:
+    """Fill `out` (B, T + 1) as `StageTable.terms_reference` defines it, which takes 45 microseconds more."""
+    terms = arrays.asked.shape[1]
     for b in range(measured.shape[0]):
         k = stage[b]
         entered, leaving = 1.0, 1.0
-        for r in range(terms, columns.shape[0]):
-            if stage_of[r] == k:
-                value = min(max((measured[b, columns[r]] - zero[r]) * scale[r], 0.0), 1.0)
-                if r < leave_start:
+        for r in range(terms, arrays.column.shape[0]):
+            if arrays.stage_of[r] == k:
+                value = _ramp(measured[b, arrays.column[r]], arrays.zero[r], arrays.scale[r])
+                if r < arrays.leave_start:
                     entered = min(entered, value)
                 else:
                     leaving = min(leaving, value)
-        leaving *= leavable[k]
+        leaving *= arrays.leavable[k]
         blend = leaving * entered / (leaving * entered + 1.0 - leaving)
         gate = (1.0 - blend) * entered
         for r in range(terms):
-            value = min(max((measured[b, columns[r]] - zero[r]) * scale[r], 0.0), 1.0)
-            out[b, r] = value * asked[k, r] * gate
+            value = _ramp(measured[b, arrays.column[r]], arrays.zero[r], arrays.scale[r])
+            out[b, r] = value * arrays.asked[k, r] * gate
         step = bonus[k + 1] - bonus[k] if k + 1 < bonus.shape[0] else 0.0
         out[b, terms] = bonus[k] + blend * step
+
+
+@inlined_kernel
+def _ramp(measure: Any, zero: Any, scale: Any) -> Any:
+    return min(max((measure - zero) * scale, 0.0), 1.0)
 
 
 def load_kernel() -> None:
     """Compile the kernel, or read it from the disk's cache, now: no reset or step has to wait for it later."""
     ramp = Ramp("a", 0.0, 1.0)
     table = StageTable({"a": ramp}, (Stage("first", asks=("a",), leaves=(ramp,)), Stage("last", asks=("a",))))
-    table.evaluate(np.zeros((1, 1)), np.zeros(1, dtype=np.int64), (0.0, 1.0))
+    table.evaluate({"a": np.zeros(1)}, np.zeros(1, dtype=np.int64), (0.0, 1.0))

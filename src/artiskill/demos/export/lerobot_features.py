@@ -11,7 +11,7 @@ from artiskill.demos.replay.layout import AGENT, STATE, leaf_spaces
 from artiskill.demos.replay.settings import ReplaySettings
 from artiskill.envs.control import JOINT
 from artiskill.errors import ConfigError
-from artiskill.tasks.fields import ObservationField, robot_fields
+from artiskill.tasks.state_vector import ObservationField, robot_fields
 from artiskill.tasks.task import Task
 
 _CHANNELS = 3

@@ -16,8 +16,7 @@ from artiskill.scene.scene import Scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import InitialState
-from artiskill.tasks.goals import put_goal, stack_goals
-from artiskill.tasks.task import Goal
+from artiskill.tasks.task import Goal, put_goal, stack_goals
 
 FREE = -1
 

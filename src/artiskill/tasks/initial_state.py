@@ -1,4 +1,4 @@
-"""Draws from ranges that initial states are made of."""
+"""What the initial states of tasks are made of: checked ranges, poses on the ground, a robot at rest."""
 
 import math
 from collections.abc import Sequence
@@ -19,21 +19,16 @@ def check_ranges(config: object, **lowest: float) -> None:
 
 
 def polar(radius: float, angle: float) -> np.ndarray:
-    """(2,) x and y of polar coordinates."""
+    """Return x and y of polar coordinates, (2,)."""
     return radius * np.array((math.cos(angle), math.sin(angle)))
 
 
-def wrapped(angle: float) -> float:
-    """The same angle in [-pi, pi]."""
-    return math.remainder(angle, 2 * math.pi)
-
-
 def upright_pose(position_xy: Sequence[float] | np.ndarray, yaw: float) -> np.ndarray:
-    """(7,) pose on the ground, turned about the vertical."""
+    """Return a pose on the ground, turned about the vertical, (7,)."""
     return np.array((position_xy[0], position_xy[1], 0.0, math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)))
 
 
 def robot_qpos(robot: RobotConfig, base_xy: np.ndarray, heading: float, lift_m: float) -> np.ndarray:
-    """(R,) joint values of a robot with its arms and fingers where its configuration has them."""
+    """Return the joint values of a robot with arms and fingers where its configuration has them, (R,)."""
     arm = (*robot.initial.arm_qpos_rad, robot.initial.finger_qpos_m, robot.initial.finger_qpos_m)
-    return np.array((*base_xy, wrapped(heading), lift_m, *(arm * len(robot.mounts))))
+    return np.array((*base_xy, math.remainder(heading, math.tau), lift_m, *(arm * len(robot.mounts))))

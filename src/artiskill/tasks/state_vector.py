@@ -1,4 +1,4 @@
-"""The state vector as a table of fields, and the part of it that describes the robot."""
+"""The `state` observation: a vector of the object, what is the task's own, and the robot, as a table of fields."""
 
 from dataclasses import dataclass
 
@@ -31,8 +31,15 @@ class ObservationField:
     unit: str
 
 
+def state_fields(
+    max_joints: int, arms: int, extra: tuple[ObservationField, ...] = ()
+) -> tuple[ObservationField, ...]:
+    """Return what the numbers of the state vector are, in order; `extra` are the task's own."""
+    return (*object_fields(max_joints), *extra, *robot_fields(arms))
+
+
 def robot_fields(arms: int) -> tuple[ObservationField, ...]:
-    """The robot's part: 38 numbers for one arm, 68 for two (arm joints are those of a Panda)."""
+    """Return the robot's part: 38 numbers for one arm, 68 for two (arm joints are those of a Panda)."""
     joints = 1 + 9 * arms
     return (
         ObservationField("fingertip positions, world frame", 6 * arms, _FAR_M, "m"),
@@ -47,7 +54,7 @@ def robot_fields(arms: int) -> tuple[ObservationField, ...]:
 
 
 def object_fields(max_joints: int) -> tuple[ObservationField, ...]:
-    """The object's part: its root, then its joints padded with zeros to a fixed number."""
+    """Return the object's part: its root, then its joints padded with zeros to a fixed number."""
     return (
         ObservationField("object root position, world frame", 3, _FAR_M, "m"),
         ObservationField("object root orientation (w, x, y, z)", 4, 1.0, "1"),
@@ -58,17 +65,40 @@ def object_fields(max_joints: int) -> tuple[ObservationField, ...]:
     )
 
 
+def field_bounds(fields: tuple[ObservationField, ...]) -> np.ndarray:
+    """Return the largest absolute value of each number, (D,) float32."""
+    return np.concatenate([np.full(f.size, f.bound, dtype=np.float32) for f in fields])
+
+
 def object_size(max_joints: int) -> int:
-    """How many numbers `object_fields` has."""
+    """Return how many numbers `object_fields` has."""
     return _ROOT_SIZE + 2 * max_joints
 
 
-def write_object(snapshot: Snapshot, max_joints: int, out: Array) -> None:
-    """Write the numbers of `object_fields` into `out`, (B, object_size), which is zero so far.
+def observe_state(snapshot: Snapshot, max_joints: int, extra_size: int = 0) -> Array:
+    """Return the state vector, (B, D) float32, as `state_fields` has it; the task's own numbers are still zero.
 
     Raises:
         AssetError: the object has more joints than the vector has slots.
     """
+    xp = namespace(snapshot.object_qpos)
+    robot = object_size(max_joints) + extra_size
+    values = xp.zeros((snapshot.object_qpos.shape[0], robot + _robot_size(snapshot)), dtype=xp.float32)
+    _write_object(snapshot, max_joints, values)
+    _write_robot(snapshot, values[:, robot:])
+    return values
+
+
+def observe_robot(snapshot: Snapshot, row: int) -> Array:
+    """Return the numbers of `robot_fields` alone, of one environment: (1, D) float32."""
+    xp = namespace(snapshot.robot_qpos)
+    values = xp.zeros((1, _robot_size(snapshot)), dtype=xp.float32)
+    _write_robot(snapshot, values, slice(row, row + 1))
+    return values
+
+
+def _write_object(snapshot: Snapshot, max_joints: int, out: Array) -> None:
+    """Write the numbers of `object_fields` into the first columns of `out`, (B, D), which are zero so far."""
     joints = snapshot.object_qpos.shape[1]
     if joints > max_joints and (own := int(snapshot.object_joints.max())) > max_joints:
         raise AssetError(
@@ -83,14 +113,13 @@ def write_object(snapshot: Snapshot, max_joints: int, out: Array) -> None:
     out[:, _ROOT_SIZE + max_joints : _ROOT_SIZE + max_joints + joints] = snapshot.object_qvel[:, :joints]
 
 
-def robot_size(snapshot: Snapshot) -> int:
-    """How many numbers `robot_fields` has for the robot of a snapshot."""
+def _robot_size(snapshot: Snapshot) -> int:
     fingertips, joints = snapshot.fingertip_velocity_w.shape[1], snapshot.robot_qpos.shape[1]
     return 6 * fingertips + 2 * joints
 
 
-def write_robot(snapshot: Snapshot, out: Array, rows: slice = slice(None)) -> None:
-    """Write the numbers of `robot_fields` into `out`, (B, robot_size), of all environments or of some rows."""
+def _write_robot(snapshot: Snapshot, out: Array, rows: slice = slice(None)) -> None:
+    """Write the numbers of `robot_fields` into `out`, of all environments or of some rows."""
     xp = namespace(out)
     batch, tips = out.shape[0], snapshot.fingertip_velocity_w.shape[1]
     values = (
@@ -105,16 +134,3 @@ def write_robot(snapshot: Snapshot, out: Array, rows: slice = slice(None)) -> No
     for value in values:
         out[:, start : start + value.shape[1]] = value
         start += value.shape[1]
-
-
-def observe_robot(snapshot: Snapshot, row: int) -> Array:
-    """The numbers of `robot_fields` alone, of one environment: (1, robot_size) float32."""
-    xp = namespace(snapshot.robot_qpos)
-    values = xp.zeros((1, robot_size(snapshot)), dtype=xp.float32)
-    write_robot(snapshot, values, slice(row, row + 1))
-    return values
-
-
-def field_bounds(fields: tuple[ObservationField, ...]) -> np.ndarray:
-    """The largest absolute value of each number, (D,) float32."""
-    return np.concatenate([np.full(f.size, f.bound, dtype=np.float32) for f in fields])

@@ -7,8 +7,13 @@ from scipy.spatial import cKDTree
 from artiskill.assets.catalog import load_object
 from artiskill.geometry.rotations import quat_to_matrix
 from artiskill.sim.snapshot import Snapshot
+from artiskill.tasks.free_object import (
+    SURFACE_POINTS,
+    fingertip_distance,
+    fingertip_distance_reference,
+    surface_samples,
+)
 from artiskill.tasks.registry import make_task
-from artiskill.tasks.surface import POINTS, by_array_calls, fingertip_distance, surface_samples
 
 CHAIR = "chair-0002"
 
@@ -21,7 +26,7 @@ def instant(play) -> tuple[Snapshot, object]:
 def test_samples_lie_on_their_links_and_are_always_the_same() -> None:
     chair = load_object(CHAIR)
     points, link = surface_samples(chair)
-    assert points.shape == (POINTS, 3)
+    assert points.shape == (SURFACE_POINTS, 3)
     again, _ = surface_samples.__wrapped__(chair)
     np.testing.assert_array_equal(points, again)
     for k in set(link.tolist()):
@@ -35,14 +40,8 @@ def test_distance_is_that_of_the_nearest_point(instant: tuple[Snapshot, object])
     turns = quat_to_matrix(snapshot.link_quaternion_w[0])[goal.point_link[0]]
     in_world = np.einsum("pij,pj->pi", turns, goal.points[0]) + snapshot.link_position_w[0, goal.point_link[0]]
     brute = cKDTree(in_world).query(snapshot.fingertip_position_w[0])[0].mean()
-    found = fingertip_distance(snapshot, goal.row, goal.points, goal.point_link)
+    found = fingertip_distance(snapshot, goal)
     assert found[0] == pytest.approx(brute, abs=1e-12)
-    defined = by_array_calls(
-        snapshot.fingertip_position_w,
-        snapshot.link_position_w,
-        snapshot.link_rotation_w,
-        goal.row,
-        goal.points,
-        goal.point_link,
-    )
+    links = snapshot.link_position_w, snapshot.link_rotation_w
+    defined = fingertip_distance_reference(snapshot.fingertip_position_w, *links, goal)
     assert found[0] == pytest.approx(defined[0], abs=1e-12)

@@ -1,0 +1,247 @@
+"""What tasks with free objects share: pose and motion of the object, distance of the hands, observation, masks."""
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+
+from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.config import check_not_negative, check_positive
+from artiskill.geometry.arrays import Array, amin, arccos, clip, dot, namespace, norm, rotate, total
+from artiskill.geometry.kernel import kernel
+from artiskill.geometry.meshes import sample_surface, triangle_areas
+from artiskill.scene.scene import Scene
+from artiskill.sim.snapshot import Snapshot
+from artiskill.tasks.staged_reward import Ramp, Stage
+from artiskill.tasks.state_vector import ObservationField, object_size, observe_state, state_fields
+
+# The last stage begins a little nearer than near: an object that arrives slowly, and so counts as still, would
+# otherwise skip the stage before it.
+SAFELY_NEAR = 0.95
+MASK_NAMES = ("robot",)
+SURFACE_POINTS = 800  # on a chair, some 4 cm apart
+_CACHED_OBJECTS = 256
+
+
+@dataclass(frozen=True)
+class StandingConfig:
+    """When an object counts as standing still at its target.
+
+    Attributes:
+        near_m: greatest distance of its root from the target, in the plane.
+        max_tilt_rad: greatest angle of its z axis with the vertical.
+        max_speed_m_s: of its root, for it to count as still.
+        max_angular_speed_rad_s: of its root, for it to count as still.
+        hold_s: how long each condition must hold before it counts.
+    """
+
+    near_m: float
+    max_tilt_rad: float
+    max_speed_m_s: float
+    max_angular_speed_rad_s: float
+    hold_s: float
+
+    def __post_init__(self) -> None:
+        check_positive(self, "near_m", "max_tilt_rad", "max_speed_m_s", "max_angular_speed_rad_s")
+        check_not_negative(self, "hold_s")
+
+
+def arrival_stages(braking: str, arrived: str, asks: tuple[str, ...]) -> tuple[Stage, Stage]:
+    """Return the last two stages of a task that brings an object somewhere: near; and near, upright and still."""
+    braking_ends = (
+        Ramp("speed", 3.0, 1.0),
+        Ramp("angular_speed", 3.0, 1.0),
+        Ramp("lean", 2.0, 1.0),
+        Ramp("near", 1.0, SAFELY_NEAR),
+    )
+    inside = (
+        Ramp("speed", 1.0, 0.8),
+        Ramp("angular_speed", 1.0, 0.8),
+        Ramp("lean", 1.0, 0.8),
+        Ramp("near", SAFELY_NEAR, 0.9),
+    )
+    return (
+        Stage(braking, asks, enters=(Ramp("near", 1.0, SAFELY_NEAR),), leaves=braking_ends),
+        Stage(arrived, asks, enters=inside),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectPose:
+    """How an object stands and moves, measured once per snapshot: all (B,)."""
+
+    snapshot: Snapshot
+
+    @cached_property
+    def distance_m(self) -> Array:
+        """From the origin, where the target is, in the plane."""
+        return norm(self.snapshot.link_position_w[:, 0, :2])
+
+    @cached_property
+    def tilt_rad(self) -> Array:
+        """Angle of the root's z axis with the vertical, 0 to pi."""
+        return arccos(clip(self.snapshot.link_rotation_w[:, 0, 2, 2], -1.0, 1.0))
+
+    @cached_property
+    def speed_m_s(self) -> Array:
+        """Of the root, over the last step."""
+        return self.snapshot.link_speed_m_s[:, 0]
+
+    @cached_property
+    def angular_speed_rad_s(self) -> Array:
+        """Of the root, over the last step."""
+        return self.snapshot.link_angular_speed_rad_s[:, 0]
+
+    @cached_property
+    def approach_speed_m_s(self) -> Array:
+        """How fast the root nears the target, in the plane; negative away from it."""
+        xp = namespace(self.snapshot.link_position_w)
+        position = self.snapshot.link_position_w[:, 0, :2]
+        toward = dot(position, self.snapshot.root_velocity_w[:, :2])
+        return -toward / xp.maximum(self.distance_m, xp.asarray(1e-6, dtype=position.dtype))
+
+    def arrival(self, config: StandingConfig) -> dict[str, Array]:
+        """Return four measures, each (B,), relative to what counts as near, upright and still."""
+        return {
+            "near": self.distance_m / config.near_m,
+            "lean": self.tilt_rad / config.max_tilt_rad,
+            "speed": self.speed_m_s / config.max_speed_m_s,
+            "angular_speed": self.angular_speed_rad_s / config.max_angular_speed_rad_s,
+        }
+
+    def near(self, config: StandingConfig) -> Array:
+        """Return whether it is near its target, (B,) bool."""
+        return self.distance_m <= config.near_m
+
+    def upright(self, config: StandingConfig) -> Array:
+        """Return whether it stands upright, (B,) bool."""
+        return self.tilt_rad <= config.max_tilt_rad
+
+    def still(self, config: StandingConfig) -> Array:
+        """Return whether it stands still, (B,) bool."""
+        slow = self.speed_m_s <= config.max_speed_m_s
+        return slow & (self.angular_speed_rad_s <= config.max_angular_speed_rad_s)
+
+
+def free_object_fields(max_joints: int, arms: int, props: tuple[str, ...] = ()) -> tuple[ObservationField, ...]:
+    """Return what the numbers of the state vector are, in order; `props` are the free ones."""
+    extra = tuple(
+        ObservationField(f"{name} {what}, world frame", 3, bound, unit)
+        for name in props
+        for what, bound, unit in (("position", 20.0, "m"), ("velocity", 100.0, "m/s"))
+    )
+    return state_fields(max_joints, arms, extra)
+
+
+def observe_free_object(snapshot: Snapshot, goal: object, max_joints: int) -> Array:
+    """Return the state vector, (B, D) float32, of `free_object_fields`. The goal is at the origin.
+
+    Raises:
+        AssetError: the object has more joints than the vector has slots.
+    """
+    props, start = snapshot.prop_position_w.shape[1], object_size(max_joints)
+    values = observe_state(snapshot, max_joints, 6 * props)
+    for k in range(props):
+        values[:, start : start + 3] = snapshot.prop_position_w[:, k]
+        values[:, start + 3 : start + 6] = snapshot.prop_velocity_w[:, k]
+        start += 6
+    return values
+
+
+def robot_mask(scene: Scene, target: str) -> np.ndarray:
+    """Return which of `Scene.visuals` belong to the robot, (1, G) bool: the object is not told apart."""
+    robot_bodies = [scene.model.body(name).id for name in scene.robot.bodies]
+    return np.isin([body for body, _ in scene.visuals], robot_bodies)[None]
+
+
+@lru_cache(maxsize=_CACHED_OBJECTS)
+def surface_samples(obj: ArticulatedObject) -> tuple[np.ndarray, np.ndarray]:
+    """Return points spread over everything drawn of an object, the same ones every time.
+
+    Returns:
+        (P, 3) in the frame of their link, and (P,) the index of that link.
+    """
+    rng = np.random.default_rng(0)  # fixed: the points are a property of the object
+    areas = np.array([total(float(triangle_areas(v.mesh).sum()) for v in link.visuals) for link in obj.links])
+    ends = np.round(np.cumsum(areas / areas.sum()) * SURFACE_POINTS).astype(int)
+    counts = np.diff(ends, prepend=0)
+    points = [
+        sample_surface([v.mesh for v in link.visuals], count, rng)
+        for link, count in zip(obj.links, counts, strict=True)
+        if count
+    ]
+    return np.concatenate(points), np.repeat(np.arange(len(obj.links)), counts)
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceGoal:
+    """What goals have where any part of the object may be touched.
+
+    Attributes:
+        row: (B,) 0 to B - 1.
+        points: (B, P, 3) samples of the object's surface, in the frame of their link.
+        point_link: (B, P) index of that link.
+    """
+
+    row: Array
+    points: Array
+    point_link: Array
+
+
+def fingertip_distance(snapshot: Snapshot, goal: SurfaceGoal) -> Array:
+    """Return the mean distance of the fingertips to the nearest of the surface's points, (B,) in metres."""
+    tips = snapshot.fingertip_position_w
+    links = snapshot.link_position_w, snapshot.link_rotation_w
+    if isinstance(tips, np.ndarray):
+        distance = np.empty(len(tips))
+        _fingertip_distance_kernel(np.ascontiguousarray(tips), *links, goal.points, goal.point_link, distance)
+        return distance
+    return fingertip_distance_reference(tips, *links, goal)
+
+
+def fingertip_distance_reference(tips: Array, position_w: Array, rotation_w: Array, goal: SurfaceGoal) -> Array:
+    """Return `fingertip_distance` for any array library: the kernel's definition.
+
+    Args:
+        tips: (B, T, 3) in the world.
+        position_w: (B, L, 3) of the links.
+        rotation_w: (B, L, 3, 3) of the links.
+        goal: with the surface's points.
+    """
+    xp = namespace(tips)
+    rows, link = goal.row[:, None], goal.point_link
+    in_world = rotate(rotation_w[rows, link], goal.points) + position_w[rows, link]  # (B, P, 3)
+    gap = tips[:, :, None] - in_world[:, None]  # (B, T, P, 3)
+    return xp.mean(xp.sqrt(amin(dot(gap, gap))), axis=-1)
+
+
+@kernel
+def _fingertip_distance_kernel(
+    tips: Any, position_w: Any, rotation_w: Any, points: Any, link: Any, distance: Any
+) -> None:
+    """Fill `distance` (B,); of the goal there are `points` (B, P, 3) and their `link` (B, P)."""
+    count = tips.shape[1]
+    nearest = np.empty(count)
+    for b in range(tips.shape[0]):
+        nearest[:] = np.inf
+        for p in range(points.shape[1]):
+            k = link[b, p]
+            x, y, z = points[b, p, 0], points[b, p, 1], points[b, p, 2]
+            turn, origin = rotation_w[b, k], position_w[b, k]
+            world_x = turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z + origin[0]
+            world_y = turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z + origin[1]
+            world_z = turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z + origin[2]
+            for t in range(count):
+                dx, dy, dz = tips[b, t, 0] - world_x, tips[b, t, 1] - world_y, tips[b, t, 2] - world_z
+                nearest[t] = min(nearest[t], dx * dx + dy * dy + dz * dz)
+        summed = 0.0
+        for t in range(count):
+            summed += np.sqrt(nearest[t])
+        distance[b] = summed / count
+
+
+def load_kernel() -> None:
+    """Compile the kernel, or read it from the disk's cache, now: no reset or step has to wait for it later."""
+    one, link = np.ones((1, 1, 3)), np.zeros((1, 1), dtype=np.int64)
+    _fingertip_distance_kernel(one, one, np.ones((1, 1, 3, 3)), one, link, np.empty(1))
