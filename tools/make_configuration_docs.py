@@ -1,9 +1,10 @@
-"""Make the tables of docs/configuration.md anew: `python tools/make_configuration_docs.py`.
+"""Make docs/data/configuration.csv anew: `python tools/make_configuration_docs.py`.
 
-With `--check` it changes nothing and fails if the page's tables are not those of the code. Meanings come from the
+With `--check` it changes nothing and fails if the table is not that of the code. Meanings come from the
 docstrings of the configuration classes, defaults from the tasks' YAML files.
 """
 
+import csv
 import dataclasses
 import inspect
 import re
@@ -11,25 +12,19 @@ import sys
 import types
 import typing
 from collections.abc import Iterator, Mapping
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from artiskill.gallery.tables import markdown
 from artiskill.robots.arm_config import ShapeConfig
 from artiskill.robots.config import MountConfig
 from artiskill.sensors.render_config import LampConfig
 from artiskill.tasks.registry import make_task, task_names
-from artiskill.tasks.task import TaskConfig
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "configuration.md"
-BEGIN, END = "<!-- made by tools/make_configuration_docs.py -->", "<!-- end of what was made -->"
-HEAD = ["key", "type", "unit", "default", "meaning"]
-# what stands in lists: a heading, and the class of one entry
-ENTRIES = {
-    "An entry of `robot.mounts`": MountConfig,
-    "An entry of `collisions`": ShapeConfig,
-    "An entry of `render.lamps`": LampConfig,
-}
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "data" / "configuration.csv"
+HEAD = ["key", "tasks", "type", "unit", "default", "meaning"]
+# lists: a prefix for the keys of an entry, and its class
+ENTRIES = {"robot.mounts[].": MountConfig, "collisions[].": ShapeConfig, "render.lamps[].": LampConfig}
 # endings of names, longer ones first
 _UNITS = {
     **{"_kg_m3": "kg/m³", "_kgm2": "kg m²", "_m_s2": "m/s²", "_rad_s": "rad/s", "_m_s": "m/s", "_nm": "N m"},
@@ -51,54 +46,43 @@ class Key:
 
 
 def main(arguments: list[str]) -> int:
-    """Write, or compare; the exit status."""
-    page = PAGE.read_text(encoding="utf-8")
-    before, _, rest = page.partition(BEGIN)
-    new = f"{before}{BEGIN}\n\n{made_part()}\n\n{END}{rest.partition(END)[2]}"
+    """Write, or compare; return the exit status."""
+    new = table_text()
     if "--check" in arguments:
-        print(
-            "docs/configuration.md is up to date" if new == page else "docs/configuration.md is old: run this tool"
-        )
-        return int(new != page)
+        is_new = PAGE.exists() and PAGE.read_text(encoding="utf-8") == new
+        print(f"docs/data/{PAGE.name} is {'up to date' if is_new else 'old: run this tool'}")
+        return int(not is_new)
     PAGE.write_text(new, encoding="utf-8")
     print(f"{PAGE}: {len(new.splitlines())} lines")
     return 0
 
 
-def made_part() -> str:
-    """All tables with their headings."""
+def table_text() -> str:
+    """Return the whole table as CSV."""
+    text = StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(HEAD)
+    writer.writerows(rows())
+    return text.getvalue()
+
+
+def rows() -> Iterator[list[str]]:
+    """Yield a row per key: those of every task, those of single tasks, then those of entries of lists."""
     configs = {name: make_task(name).config for name in task_names()}
     tables = {name: {key.path: key for key in keys_of(type(config), config)} for name, config in configs.items()}
-    shared = [field.name for field in dataclasses.fields(TaskConfig)]
-    pieces = ["## Every task"]
-    plain = [name for name in shared if not dataclasses.is_dataclass(getattr(next(iter(configs.values())), name))]
-    pieces.append(table(tables, lambda path: path in plain))
-    for section in (name for name in shared if name not in plain):
-        about = summary_of(typing.get_type_hints(TaskConfig)[section])
-        pieces += [f"### `{section}`", about, table(tables, lambda path, top=section: path.startswith(top + "."))]
-    for title, cls in ENTRIES.items():
-        pieces += [f"### {title}", entry_table(cls)]
-    for cls in dict.fromkeys(map(type, configs.values())):
-        own = {name: tables[name] for name, config in configs.items() if type(config) is cls}
-        pieces += [f"## {' and '.join(own)}", table(own, lambda path: path.split(".")[0] not in shared)]
-    return "\n\n".join(pieces)
-
-
-def table(tables: Mapping[str, Mapping[str, Key]], wanted: Any) -> str:
-    """Those keys of some tasks whose path is wanted, with the defaults of all of them."""
-    first = next(iter(tables.values()))
-    rows = []
-    for path, key in first.items():
-        if wanted(path):
-            defaults = {task: _shown(keys[path].default) for task, keys in tables.items()}
-            rows.append([f"`{path}`", key.kind, key.unit, _merged(defaults), key.meaning])
-    return markdown(HEAD, rows)
-
-
-def entry_table(cls: Any) -> str:
-    """The keys of an entry of a list; its defaults are those of the class."""
-    rows = [[f"`{key.path}`", key.kind, key.unit, _shown(key.default), key.meaning] for key in keys_of(cls, None)]
-    return markdown(HEAD, rows)
+    paths = sorted(
+        dict.fromkeys(path for keys in tables.values() for path in keys),
+        key=lambda path: -sum(path in keys for keys in tables.values()),
+    )
+    for path in paths:
+        having = {task: keys[path] for task, keys in tables.items() if path in keys}
+        key = next(iter(having.values()))
+        tasks = "all" if len(having) == len(tables) else ", ".join(having)
+        defaults = {task: _shown(one.default) for task, one in having.items()}
+        yield [path, tasks, key.kind, key.unit, _merged(defaults), key.meaning]
+    for prefix, cls in ENTRIES.items():
+        for key in keys_of(cls, None):
+            yield [f"{prefix}{key.path}", "all", key.kind, key.unit, _shown(key.default), key.meaning]
 
 
 def keys_of(cls: Any, config: Any, prefix: str = "") -> Iterator[Key]:
@@ -134,22 +118,17 @@ def meanings_of(cls: type) -> dict[str, str]:
     return said
 
 
-def summary_of(cls: type) -> str:
-    """The first paragraph of a class's docstring."""
-    return " ".join(inspect.cleandoc(cls.__doc__ or "").split("\n\n")[0].split())
-
-
 def _kind(kind: Any) -> str:
     """A type as a person says it."""
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if origin is typing.Literal:
-        return ", ".join(f"`{value}`" for value in arguments)
+        return ", ".join(str(value) for value in arguments)
     if origin in (typing.Union, types.UnionType):
         return " or ".join("nothing" if one is types.NoneType else _kind(one) for one in arguments)
     if origin is tuple:
         is_open = arguments[1:] == (...,)
         if dataclasses.is_dataclass(arguments[0]):
-            return "list, see below"
+            return "list"
         return "numbers" if is_open else f"{len(arguments)} numbers"
     if origin is not None:
         return "numbers by name"
@@ -169,11 +148,11 @@ def _shown(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, Mapping):
-        return ", ".join(f"`{name}` {_shown(one)}" for name, one in value.items())
+        return ", ".join(f"{name} {_shown(one)}" for name, one in value.items())
     if isinstance(value, tuple):
         entries = [one for one in value if dataclasses.is_dataclass(one)]
         return f"{len(entries)} of them" if entries else f"[{', '.join(map(_shown, value))}]"
-    return f"`{value}`" if isinstance(value, str) else str(value)
+    return str(value)
 
 
 def _merged(defaults: Mapping[str, str]) -> str:

@@ -5,7 +5,9 @@ page counts those that come out bit for bit.
 """
 
 import argparse
+import csv
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,12 +18,14 @@ from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.demos import Demos
 from artiskill.demos.header import TargetCount
 from artiskill.demos.verify import verify
-from artiskill.files import atomic_write
 from artiskill.gallery.tables import markdown
 from artiskill.jobs.parallel import available_cores
+from artiskill.jobs.whole_files import whole_file
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "experts.md"
+TABLE = Path("data", "experts.csv")  # beside the page
 BEGIN, END = "<!-- made by tools/make_expert_docs.py -->", "<!-- end of what was made -->"
+HEAD = ["task", "object", "split", "solved of attempts, by target", "steps", "stored, exact again"]
 IMPORTED = "PartNet-Mobility"  # in place of a split
 
 
@@ -57,8 +61,11 @@ def main(arguments: list[str]) -> int:
         exact = {v.object: v.exact for v in verify(folder, available_cores(), objects=imported)}
         demos = Demos(folder)
         tasks[demos.manifest.settings.task] = [row_of(file, exact) for file in demos.files()]
-    with atomic_write(options.page) as path:
-        path.write_text(with_tables(options.page.read_text(encoding="utf-8"), tasks), encoding="utf-8")
+    with whole_file(options.page) as path:
+        path.write_text(with_summary(options.page.read_text(encoding="utf-8"), tasks), encoding="utf-8")
+    (options.page.parent / TABLE).parent.mkdir(exist_ok=True)
+    with whole_file(options.page.parent / TABLE) as path, path.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows([HEAD, *object_rows(tasks)])
     return int(any(is_missing(row) for rows in tasks.values() for row in rows))
 
 
@@ -75,13 +82,11 @@ def is_missing(row: Row) -> bool:
     return row.exact < len(row.lengths) or any(count.successes == 0 for count in row.targets)
 
 
-def with_tables(page: str, tasks: dict[str, list[Row]]) -> str:
-    """The page with what stands between the two marks made anew."""
+def with_summary(page: str, tasks: dict[str, list[Row]]) -> str:
+    """Return the page with what stands between the two marks made anew."""
     before, _, rest = page.partition(BEGIN)
     _, _, after = rest.partition(END)
-    sections = [f"### {task}\n\n{object_table(rows)}" for task, rows in tasks.items()]
-    made = "\n\n".join([summary_table(tasks), *sections])
-    return f"{before}{BEGIN}\n\n{made}\n\n{END}{after}"
+    return f"{before}{BEGIN}\n\n{summary_table(tasks)}\n\n{END}{after}"
 
 
 def summary_table(tasks: dict[str, list[Row]]) -> str:
@@ -115,16 +120,14 @@ def _rate(targets: tuple[TargetCount, ...]) -> float:
     return sum(count.successes for count in targets) / attempts if attempts else 0.0
 
 
-def object_table(rows: list[Row]) -> str:
-    """A row per object."""
-    head = ["object", "split", "solved of attempts, by target", "steps", "stored, exact again"]
-    return markdown(head, [_object_row(row) for row in rows])
-
-
-def _object_row(row: Row) -> list[str]:
-    targets = ", ".join(f"{count.target} {count.successes}/{count.attempts}" for count in row.targets)
-    steps = f"{min(row.lengths)} .. {np.mean(row.lengths):.0f} .. {max(row.lengths)}" if row.lengths else ""
-    return [row.object, row.split, targets, steps, f"{row.exact} of {len(row.lengths)}"]
+def object_rows(tasks: dict[str, list[Row]]) -> Iterator[list[str]]:
+    """Yield a row per task and object."""
+    for task, rows in tasks.items():
+        for row in rows:
+            targets = ", ".join(f"{count.target} {count.successes}/{count.attempts}" for count in row.targets)
+            lengths = row.lengths
+            steps = f"{min(lengths)} .. {np.mean(lengths):.0f} .. {max(lengths)}" if lengths else ""
+            yield [task, row.object, row.split, targets, steps, f"{row.exact} of {len(lengths)}"]
 
 
 if __name__ == "__main__":

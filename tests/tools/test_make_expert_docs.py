@@ -34,7 +34,9 @@ def test_the_page_says_what_the_files_hold(
     assert text.endswith(f"{tool.END}\nafter\n")
     assert "of old" not in text
     steps = f"{first} .. {(first + second) / 2:.0f} .. {second}"
-    assert f"| cabinet-0002 | train | link_0 2/{attempts} | {steps} | 2 of 2 |" in text
+    table = page.parent / tool.TABLE
+    row = f"OpenCabinetDrawer,cabinet-0002,train,link_0 2/{attempts},{steps},2 of 2"
+    assert table.read_text().splitlines()[1:] == [row]
     assert f"| OpenCabinetDrawer | train | 1 | 1 | {attempts} | {2 / attempts:.1%} |" in text
     assert tool.main(arguments) == 0
     assert re.sub(" +", " ", page.read_text()) == text
