@@ -10,7 +10,7 @@ bootstrap = @$(PYTHON) tools/bootstrap.py --venv $(VENV)
 python = $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-dev demo test test-slow test-rl test-lerobot test-ray test-gltf lint types format bench clean clean-env
+.PHONY: help setup setup-dev demo test test-slow test-rl test-lerobot test-ray test-gltf lint types format bench docs site clean clean-env
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
@@ -58,6 +58,15 @@ test-gltf: ## let Khronos' validator read every exported glTF; needs Node.js
 	$(bootstrap) test
 	npm install --no-audit --no-fund --no-save --prefix $(VENV) gltf-validator@2.0.0-dev.3.10
 	$(python) -m pytest tests/exports -m "slow or not slow" -k "gltf or glb"
+
+docs: ## build the documentation in build/docs; warnings are errors
+	$(bootstrap) docs
+	$(python) -m sphinx -W --keep-going -q -b html -d build/doctrees docs build/docs
+	@echo "open build/docs/index.html"
+
+site: ## build the documentation with the gallery of all objects and a film of each task in build/site
+	$(bootstrap) docs
+	$(python) tools/make_site.py build/site
 
 lint: ## check style and layout
 	$(bootstrap) dev

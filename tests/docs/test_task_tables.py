@@ -1,4 +1,4 @@
-"""The tasks' pages say what the code does. `python tests/tasks/test_docs.py [task ...]` prints the tables anew."""
+"""The tasks' pages have the tables of the code. `python tests/docs/test_task_tables.py [task ...]` prints them."""
 
 import re
 import sys

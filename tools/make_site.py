@@ -1,0 +1,54 @@
+"""Build the documentation site with the gallery of all objects and a film of each task: `make_site.py FOLDER`.
+
+Takes some minutes the first time; the gallery draws only what has changed.
+"""
+
+import argparse
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+# task -> an object and a level whose film shows the task well
+FILMS = {
+    "OpenCabinetDrawer": ("cabinet-0005", 1),
+    "OpenCabinetDoor": ("cabinet-0056", 0),
+    "PushChair": ("chair-0029", 4),
+    "MoveBucket": ("bucket-0004", 5),
+}
+
+
+def main(arguments: list[str]) -> int:
+    """Build; return the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, help="the site appears here")
+    site = parser.parse_args(arguments).folder
+    pages = ["-W", "--keep-going", "-q", "-b", "html", "-t", "site", "-d", str(site / ".doctrees")]
+    run("sphinx", *pages, str(ROOT / "docs"), str(site))
+    run("artiskill", "assets", "gallery", "all", "ood", "--out", str(site / "gallery"))
+    (site / "films").mkdir(exist_ok=True)
+    for task, (object_id, level) in FILMS.items():
+        episode = ["--task", task, "--object", object_id, "--level", str(level)]
+        run("artiskill", "render", *episode, "--out", str(site / "films" / f"{task}.webp"))
+    (site / "films" / "index.html").write_text(films_page(), encoding="utf-8")
+    print(f"open {site / 'index.html'}")
+    return 0
+
+
+def run(module: str, *arguments: str) -> None:
+    """Run a module of this Python, and stop at its first error."""
+    subprocess.run([sys.executable, "-m", module, *arguments], check=True)
+
+
+def films_page() -> str:
+    """Return the page that shows all films."""
+    figures = (
+        f'<figure><img src="{task}.webp" alt="{task}"><figcaption>{task}</figcaption></figure>' for task in FILMS
+    )
+    style = "body { font-family: sans-serif; margin: 2rem } figure { display: inline-block; margin: 1rem }"
+    head = f'<!doctype html><meta charset="utf-8"><title>ArtiSkill: films</title><style>{style}</style>'
+    return f'{head}<p><a href="../index.html">Documentation</a></p>{"".join(figures)}\n'
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
