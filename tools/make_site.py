@@ -47,7 +47,7 @@ def films_page() -> str:
     )
     style = "body { font-family: sans-serif; margin: 2rem } figure { display: inline-block; margin: 1rem }"
     head = f'<!doctype html><meta charset="utf-8"><title>ArtiSkill: films</title><style>{style}</style>'
-    return f'{head}<p><a href="../index.html">Documentation</a></p>{"".join(figures)}\n'
+    return f'{head}<p><a href="../index.html">Documentation</a></p>{"".join(map(figure.format, FILMS))}\n'
 
 
 if __name__ == "__main__":
