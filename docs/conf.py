@@ -54,7 +54,7 @@ def _convert_markdown(app, what, name, obj, options, lines: list[str]) -> None:
     """Replace what reStructuredText writes differently in a docstring."""
     found: list[str] = []
     table: list[str] = []
-    plurals = (re.sub(r"(`[^`]+`)(?=[A-Za-z])", r"\1\\ ", line) for line in lines)  # `ArticulatedObject`s
+    plurals = (re.sub(r"(`[\w.]+`)(?=s\b)", r"\1\\ ", line) for line in lines)  # `ArticulatedObject`s
     for line in (*plurals, ""):
         if line.lstrip().startswith("|"):
             table.append(line)

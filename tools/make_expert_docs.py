@@ -18,9 +18,9 @@ from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.demos import Demos
 from artiskill.demos.header import TargetCount
 from artiskill.demos.verify import verify
+from artiskill.files import atomic_write
 from artiskill.gallery.tables import markdown
 from artiskill.jobs.parallel import available_cores
-from artiskill.jobs.whole_files import whole_file
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "experts.md"
 TABLE = Path("data", "experts.csv")  # beside the page
@@ -61,10 +61,10 @@ def main(arguments: list[str]) -> int:
         exact = {v.object: v.exact for v in verify(folder, available_cores(), objects=imported)}
         demos = Demos(folder)
         tasks[demos.manifest.settings.task] = [row_of(file, exact) for file in demos.files()]
-    with whole_file(options.page) as path:
+    with atomic_write(options.page) as path:
         path.write_text(with_summary(options.page.read_text(encoding="utf-8"), tasks), encoding="utf-8")
     (options.page.parent / TABLE).parent.mkdir(exist_ok=True)
-    with whole_file(options.page.parent / TABLE) as path, path.open("w", encoding="utf-8", newline="") as file:
+    with atomic_write(options.page.parent / TABLE) as path, path.open("w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows([HEAD, *object_rows(tasks)])
     return int(any(is_missing(row) for rows in tasks.values() for row in rows))
 

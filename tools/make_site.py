@@ -42,9 +42,7 @@ def run(module: str, *arguments: str) -> None:
 
 def films_page() -> str:
     """Return the page that shows all films."""
-    figures = (
-        f'<figure><img src="{task}.webp" alt="{task}"><figcaption>{task}</figcaption></figure>' for task in FILMS
-    )
+    figure = '<figure><img src="{0}.webp" alt="{0}"><figcaption>{0}</figcaption></figure>'
     style = "body { font-family: sans-serif; margin: 2rem } figure { display: inline-block; margin: 1rem }"
     head = f'<!doctype html><meta charset="utf-8"><title>ArtiSkill: films</title><style>{style}</style>'
     return f'{head}<p><a href="../index.html">Documentation</a></p>{"".join(map(figure.format, FILMS))}\n'
