@@ -30,7 +30,7 @@ from artiskill.demos.replay.training_file import TrainingFile, TrainingFiles
 from artiskill.demos.stats import folder_stats
 from artiskill.demos.verify import verify
 from artiskill.errors import ArtiSkillError
-from artiskill.evaluation.pictures import check_picture, picture_object, write_picture
+from artiskill.evaluation.pictures import check_picture, save_object_picture, write_picture
 from artiskill.evaluation.recording import check_video
 from artiskill.exports.export import export_object
 from artiskill.robots.config import load_robot
@@ -498,7 +498,9 @@ def test_what_is_written_by_name(name: str, place: Path) -> None:
 
 def test_large_pictures() -> None:
     for width, height in ((30_000, 30_000), (10**9, 1), (10**30, 10**30), (0, 1), (-1, 5)):
-        assert check_call("picture", partial(picture_object, "a.png", "bucket-0001", width=width, height=height))
+        assert check_call(
+            "picture", partial(save_object_picture, "a.png", "bucket-0001", width=width, height=height)
+        )
         assert check_call("camera", partial(Camera, np.zeros(3), np.eye(3), width, height))
 
 

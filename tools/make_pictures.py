@@ -11,10 +11,10 @@ from PIL import Image
 
 from artiskill.demos.demo_pack import load_demo_pack
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.evaluation.demo_pictures import picture_demos
-from artiskill.evaluation.episodes import run_episode
-from artiskill.evaluation.film import LAST_FRAME_S, Film, draw_instants
+from artiskill.evaluation.evaluate import run_episode
+from artiskill.evaluation.pictures import save_demos_picture
 from artiskill.evaluation.policies import load_policy
+from artiskill.evaluation.recording import LAST_FRAME_S, EpisodeRecorder, draw_moments
 from artiskill.evaluation.scene_pictures import PictureStyle
 from artiskill.evaluation.video import write_video
 
@@ -48,22 +48,22 @@ def main() -> None:
     for name, (task, object_id) in DEMOS.items():
         with load_demo_pack(task).open(object_id) as file:
             path = IMAGES / f"demos_{name}.jpg"
-            print(f"{path}: {picture_demos(path, file, PictureStyle(width=240, height=180), count=4)}")
+            print(f"{path}: {save_demos_picture(path, file, PictureStyle(width=240, height=180), count=4)}")
 
 
-def play(task: str, object_id: str, level: int) -> tuple[ManipulationEnv, Film, str]:
+def play(task: str, object_id: str, level: int) -> tuple[ManipulationEnv, EpisodeRecorder, str]:
     """The expert's episode, and how it ended."""
-    env, film = ManipulationEnv(task, objects=object_id), Film(PictureStyle(width=WIDTH, height=HEIGHT))
-    result = run_episode(env, load_policy("expert"), level, film.watch)
+    env, film = ManipulationEnv(task, objects=object_id), EpisodeRecorder(PictureStyle(width=WIDTH, height=HEIGHT))
+    result = run_episode(env, load_policy("expert"), level, film.record)
     return env, film, f"{result.length} steps, {'solved' if result.success else 'not solved'}"
 
 
 def make_strip(path: Path, task: str, object_id: str, level: int) -> str:
     """Pictures of the expert's episode side by side, evenly spaced; tells how it ended."""
     env, film, end = play(task, object_id, level)
-    chosen = [film.instants[k] for k in np.linspace(0, len(film.instants) - 1, STRIP_FRAMES).astype(int)]
+    chosen = [film.moments[k] for k in np.linspace(0, len(film.moments) - 1, STRIP_FRAMES).astype(int)]
     style = PictureStyle(width=WIDTH, height=HEIGHT)
-    frames = draw_instants(env.task, env.scene, env.save_state().target, chosen, style)
+    frames = draw_moments(env.task, env.scene, env.save_state().target, chosen, style)
     picture = Image.fromarray(np.concatenate([smaller(frame, STRIP_SIZE) for frame in frames], axis=1))
     picture.save(path, optimize=True)
     return end
@@ -74,7 +74,7 @@ def make_film() -> None:
     frames = []
     for object_id in OBJECTS:
         _, film, end = play("OpenCabinetDrawer", object_id, 0)
-        drawn = film.draw()[: len(film.instants)]
+        drawn = film.draw()[: len(film.moments)]
         frames += [*drawn[:-1:EVERY], *[drawn[-1]] * round(LAST_FRAME_S * FRAMES_PER_S)]
         print(f"{object_id}: {end}")
     write_video(OUT, [smaller(frame, FILM_SIZE) for frame in frames], FRAMES_PER_S)

@@ -11,7 +11,7 @@ from PIL import Image
 
 from artiskill.assets.catalog import load_object
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.evaluation.pictures import EpisodeChoice, picture_episode
+from artiskill.evaluation.pictures import EpisodeChoice, save_episode_picture
 from artiskill.evaluation.scene_pictures import PictureStyle
 from artiskill.experts.open_cabinet import OpenCabinetExpert
 from artiskill.sensors.camera import Camera
@@ -62,7 +62,7 @@ def clouds(object_id: str) -> np.ndarray:
         eye, target = (x - 0.9, y - 2.2, 1.6), (x + 0.75, y + 0.35, 0.42)
         # the same breadth of view at any width
         height, fov = round(0.42 * width), 0.6
-        camera = Camera.look_at(eye, target, width=width, height=height, fov_rad=fov, far_m=20.0)
+        camera = Camera.inspect_policy(eye, target, width=width, height=height, fov_rad=fov, far_m=20.0)
         there = points["rgb"].any(axis=1)
         colours = paint_masks(points["rgb"], points["seg"], opacity)[there]
         return draw_points(points["xyz"][there], colours, camera, radius_m)
@@ -85,7 +85,7 @@ def _world(cloud: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 def render_sheet(folder: Path, object_id: str) -> None:
     """What `artiskill render --view all` writes, and an object alone, closed and open, side by side."""
     path = folder / "render_sheet.png"
-    picture_episode(path, EpisodeChoice(TASK, object_id, level=LEVEL), PictureStyle(view="all"), STEPS)
+    save_episode_picture(path, EpisodeChoice(TASK, object_id, level=LEVEL), PictureStyle(view="all"), STEPS)
     print(f"{path}: {path.stat().st_size / 1e3:.0f} kB")
     alone = [render_object(load_object(object_id), share, 480, 400) for share in (0.0, 0.8)]
     save(folder / "render_object.png", beside(alone))

@@ -271,6 +271,20 @@ def output_path(given: Path | str) -> Path:
         raise ConfigError(f"cannot write {shown(str(given))}: {error.strerror}") from error
 
 
+def check_output_folder(folder: Path) -> None:
+    """See whether a folder can be written to, or made, without making it.
+
+    Raises:
+        ConfigError: it cannot; better said before hours of work than after them.
+    """
+    folder = output_path(folder)
+    existing = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
+    if not existing.is_dir():
+        raise ConfigError(f"cannot write to {str(folder)!r}: {str(existing)!r} is not a folder")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise ConfigError(f"cannot write to {str(folder)!r}: no permission for {str(existing)!r}")
+
+
 def remove_leftovers(folder: Path) -> None:
     """Remove temporary files of `atomic_write` in a folder that nobody else is writing to."""
     for path in folder.glob(f"{TEMPORARY_PREFIX}*"):

@@ -9,11 +9,9 @@ import pytest
 import artiskill
 from artiskill.assets.catalog import read_catalog
 from artiskill.errors import ArtiSkillError, AssetError, ConfigError, PolicyError, UnknownNameError
-from artiskill.evaluation.episodes import EpisodeResult
 from artiskill.evaluation.evaluate import evaluate
-from artiskill.evaluation.plan import make_plan
-from artiskill.evaluation.report import Report, count
-from artiskill.evaluation.report_files import report_markdown
+from artiskill.evaluation.plan import plan_evaluation
+from artiskill.evaluation.report import EpisodeResult, Report, report_markdown, summarize
 from artiskill.jobs import worker
 
 OBJECTS = ["cabinet-0005", "cabinet-0010"]
@@ -70,8 +68,8 @@ def test_the_report_has_what_the_schema_says(report: Report) -> None:
 def test_rows_and_total_add_up(report: Report) -> None:
     assert [(e.object, e.level) for e in report.episodes] == [(o, level) for o in OBJECTS for level in (5, 6)]
     for row in report.rows:
-        assert row.tally == count([e for e in report.episodes if e.object == row.object])
-    assert report.total.episodes == sum(row.tally.episodes for row in report.rows) == 4
+        assert row.stats == summarize([e for e in report.episodes if e.object == row.object])
+    assert report.total.episodes == sum(row.stats.episodes for row in report.rows) == 4
     assert report.total.mean_length == np.mean([e.length for e in report.episodes])
 
 
@@ -86,17 +84,17 @@ def test_counting() -> None:
             [(True, 10, True), (False, 200, True), (False, 200, False)]
         )
     ]
-    tally = count(results)
-    assert (tally.episodes, tally.successes, tally.success_rate) == (3, 1, 1 / 3)
-    assert tally.flags == {"open": 2 / 3, "still": 1.0}
-    assert tally.mean_length == 410 / 3
-    assert tally.interval[0] < 1 / 3 < tally.interval[1]
+    stats = summarize(results)
+    assert (stats.episodes, stats.successes, stats.success_rate) == (3, 1, 1 / 3)
+    assert stats.flags == {"open": 2 / 3, "still": 1.0}
+    assert stats.mean_length == 410 / 3
+    assert stats.interval[0] < 1 / 3 < stats.interval[1]
 
 
 def test_targets_can_be_drawn_fixed_or_all() -> None:
-    drawn = make_plan(TASK, "random", OBJECTS[:1])
-    fixed = make_plan(TASK, "random", OBJECTS[:1], target="link_1")
-    every = make_plan(TASK, "random", OBJECTS[:1], target="all")
+    drawn = plan_evaluation(TASK, "random", OBJECTS[:1])
+    fixed = plan_evaluation(TASK, "random", OBJECTS[:1], target="link_1")
+    every = plan_evaluation(TASK, "random", OBJECTS[:1], target="all")
     assert [batch.row for batch in drawn.batches] == [("cabinet-0005", "any")]
     assert [batch.row for batch in fixed.batches] == [("cabinet-0005", "link_1")]
     assert [batch.row[1] for batch in every.batches] == ["link_0", "link_1"]
@@ -168,13 +166,13 @@ def test_objects_that_are_not_the_catalogues(monkeypatch: pytest.MonkeyPatch) ->
     changed = replace(cabinet, bounds=cabinet.bounds + 0.01)
     says = rf"'cabinet-0005' has the content hash {changed.content_hash}, but .* {cabinet.content_hash}:"
     with pytest.raises(AssetError, match=says):
-        make_plan(TASK, "random", changed)
-    make_plan(TASK, "random", replace(changed, id="my-cabinet"))
+        plan_evaluation(TASK, "random", changed)
+    plan_evaluation(TASK, "random", replace(changed, id="my-cabinet"))
     category, entry = read_catalog()["cabinet-0010"]
     other = replace(entry, content_hash="0123456789abcdef")
     monkeypatch.setitem(read_catalog(), "cabinet-0010", (category, other))
     with pytest.raises(AssetError, match=f"'cabinet-0010' has .* {entry.content_hash}, but .* 0123456789abcdef:"):
-        make_plan(TASK, "random", "cabinet-0010")
+        plan_evaluation(TASK, "random", "cabinet-0010")
 
 
 @pytest.mark.parametrize(

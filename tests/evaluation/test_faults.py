@@ -11,11 +11,10 @@ import pytest
 from artiskill.cli.table import print_report
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import PolicyError
-from artiskill.evaluation.episodes import EpisodeResult, run_episode
-from artiskill.evaluation.evaluate import evaluate
-from artiskill.evaluation.film import Film
+from artiskill.evaluation.evaluate import evaluate, run_episode
 from artiskill.evaluation.policies import StillActor, load_policy
-from artiskill.evaluation.report_files import write_report
+from artiskill.evaluation.recording import EpisodeRecorder
+from artiskill.evaluation.report import EpisodeResult, write_report
 from artiskill.evaluation.scene_pictures import PictureStyle
 
 TASK, OBJECT = "OpenCabinetDrawer", "cabinet-0005"
@@ -46,7 +45,7 @@ def test_an_episode_that_diverges_counts_as_failed_by_kind(
     assert "BADQ" in failed.fault
     assert (failed.success, set(failed.flags.values())) == (False, {False})
     assert WILD_STEP <= failed.length < FRAGILE["episode_steps"]
-    assert report.total.faults == report.rows[0].tally.faults == {"DivergedError": 1}
+    assert report.total.faults == report.rows[0].stats.faults == {"DivergedError": 1}
     assert report.total.episodes == 3
     assert list(tmp_path.iterdir()) == []
     # what was played after it does not depend on it
@@ -106,9 +105,9 @@ def test_an_experts_arithmetic_is_a_fault_and_a_solutions_is_its_own() -> None:
 
 def test_an_episode_that_diverges_can_be_filmed() -> None:
     env = ManipulationEnv(TASK, OBJECT, config=FRAGILE)
-    film = Film(PictureStyle(width=96, height=72))
+    film = EpisodeRecorder(PictureStyle(width=96, height=72))
     actor = load_policy(WildAtOneLevel())
-    assert run_episode(env, actor, WILD_LEVEL, film.watch).fault
+    assert run_episode(env, actor, WILD_LEVEL, film.record).fault
     frames = film.draw()
-    assert all(np.isfinite(instant.snapshot.body_position_w).all() for instant in film.instants)
-    assert (frames[-1].shape, len(frames)) == ((72, 96, 3), len(film.instants) + 10)
+    assert all(np.isfinite(instant.snapshot.body_position_w).all() for instant in film.moments)
+    assert (frames[-1].shape, len(frames)) == ((72, 96, 3), len(film.moments) + 10)

@@ -16,7 +16,7 @@ import pytest
 
 from artiskill.errors import ConfigError, PolicyError
 from artiskill.evaluation.evaluate import evaluate
-from artiskill.evaluation.plan import make_plan
+from artiskill.evaluation.plan import plan_evaluation
 from artiskill.evaluation.recording import record_video
 from artiskill.evaluation.report import Report
 from artiskill.jobs import worker as worker_module
@@ -139,7 +139,7 @@ def test_a_hang_at_import_may_come_later(solution: Callable[[str], Path], monkey
     """The first look at a solution is no promise."""
     monkeypatch.setattr(worker_module, "_GRACE_S", 0.2)
     path = solution("def policy(observation):\n    return [0.0] * 13\n")
-    plan = make_plan(TASK, path, OBJECTS[:1], 1, config=SHORT, load_timeout_s=0.5)
+    plan = plan_evaluation(TASK, path, OBJECTS[:1], 1, config=SHORT, load_timeout_s=0.5)
     path.write_text("while True:\n    pass\n")
     with pytest.raises(PolicyError, match=r"not loaded within 0\.5 s$"):
         record_video(plan, path.with_suffix(".gif"))

@@ -6,18 +6,21 @@ import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
+from artiskill.demos.demo_pack import load_demo_pack
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.observation import ObservationContext
 from artiskill.envs.rendering import Viewpoint
 from artiskill.errors import ConfigError, UnknownNameError
-from artiskill.evaluation.film import draw_instants
 from artiskill.evaluation.pictures import (
     EpisodeChoice,
     check_picture,
-    picture_episode,
-    picture_object,
+    most_different,
+    save_demos_picture,
+    save_episode_picture,
+    save_object_picture,
     write_picture,
 )
+from artiskill.evaluation.recording import draw_moments
 from artiskill.evaluation.scene_pictures import PictureStyle
 from artiskill.sensors.pictures.compose import GAP_PX
 from artiskill.sensors.render_config import load_render_config
@@ -37,10 +40,10 @@ def shown(path: Path) -> np.ndarray:
 
 
 def test_the_usual_picture_is_nearer_than_that_of_the_environment(tmp_path: Path) -> None:
-    path = picture_episode(tmp_path / "a.png", episode(config={}), PictureStyle())
+    path = save_episode_picture(tmp_path / "a.png", episode(config={}), PictureStyle())
     env = ManipulationEnv(TASK, objects=OBJECT, render_mode="rgb_array")
     env.reset(seed=3)
-    (picture,) = draw_instants(
+    (picture,) = draw_moments(
         env.task,
         env.scene,
         env.save_state().target,
@@ -62,7 +65,11 @@ def test_the_usual_picture_is_nearer_than_that_of_the_environment(tmp_path: Path
 def test_each_view_has_its_size_and_masks_change_it(tmp_path: Path, view: str, size: tuple[int, int]) -> None:
     sizes = {} if view == "sensor" else SMALL
     plain, masked = (
-        shown(picture_episode(tmp_path / f"{masks}.png", episode(), PictureStyle(view=view, masks=masks, **sizes)))
+        shown(
+            save_episode_picture(
+                tmp_path / f"{masks}.png", episode(), PictureStyle(view=view, masks=masks, **sizes)
+            )
+        )
         for masks in (False, True)
     )
     assert plain.shape == masked.shape == (*size, 3)
@@ -70,7 +77,7 @@ def test_each_view_has_its_size_and_masks_change_it(tmp_path: Path, view: str, s
 
 
 def test_the_sensor_view_is_what_the_policy_sees(tmp_path: Path) -> None:
-    path = picture_episode(tmp_path / "a.png", episode(), PictureStyle(view="sensor"))
+    path = save_episode_picture(tmp_path / "a.png", episode(), PictureStyle(view="sensor"))
     env = ManipulationEnv(TASK, objects=OBJECT, obs_mode="rgbd", config=CAMERAS)
     rgb = env.reset(seed=3)[0]["rgbd"]["rgb"]
     np.testing.assert_array_equal(shown(path)[:, :60], rgb[..., :3])
@@ -79,8 +86,8 @@ def test_the_sensor_view_is_what_the_policy_sees(tmp_path: Path) -> None:
 
 def test_a_sheet_has_all_of_them(tmp_path: Path) -> None:
     style = PictureStyle(view="all", **SMALL)
-    sheet = shown(picture_episode(tmp_path / "a.png", episode(), style))
-    world = shown(picture_episode(tmp_path / "b.png", episode(), PictureStyle(**SMALL)))
+    sheet = shown(save_episode_picture(tmp_path / "a.png", episode(), style))
+    world = shown(save_episode_picture(tmp_path / "b.png", episode(), PictureStyle(**SMALL)))
     np.testing.assert_array_equal(sheet[:60, :80], world)
     strips = sheet.shape[0] - 60
     assert sheet.shape[1] == 160 + GAP_PX
@@ -88,34 +95,34 @@ def test_a_sheet_has_all_of_them(tmp_path: Path) -> None:
 
 
 def test_viewpoint_and_look_matter(tmp_path: Path) -> None:
-    usual = shown(picture_episode(tmp_path / "a.png", episode(), PictureStyle(**SMALL)))
+    usual = shown(save_episode_picture(tmp_path / "a.png", episode(), PictureStyle(**SMALL)))
     styles = (
         PictureStyle(**SMALL, viewpoint=Viewpoint(azimuth_deg=90.0)),
         PictureStyle(**SMALL, viewpoint=Viewpoint(distance_m=1.0)),
         PictureStyle(**SMALL, look=load_render_config("picture", {"sun.strength": 0.2})),
     )
     for style in styles:
-        assert (shown(picture_episode(tmp_path / "b.png", episode(), style)) != usual).mean() > 0.2
+        assert (shown(save_episode_picture(tmp_path / "b.png", episode(), style)) != usual).mean() > 0.2
 
 
 def test_steps_are_played_and_end_with_the_episode(tmp_path: Path) -> None:
     first, tenth = (
-        shown(picture_episode(tmp_path / "a.png", episode(), PictureStyle(**SMALL), step)) for step in (0, 10)
+        shown(save_episode_picture(tmp_path / "a.png", episode(), PictureStyle(**SMALL), step)) for step in (0, 10)
     )
     assert (first != tenth).any()
     short = episode(policy="still", config={"episode_steps": 4})
-    picture_episode(tmp_path / "a.png", short, PictureStyle(**SMALL), 4)
+    save_episode_picture(tmp_path / "a.png", short, PictureStyle(**SMALL), 4)
     with pytest.raises(ConfigError, match="step 5 does not exist: the episode is cut off after 4 steps"):
-        picture_episode(tmp_path / "a.png", short, PictureStyle(**SMALL), 5)
+        save_episode_picture(tmp_path / "a.png", short, PictureStyle(**SMALL), 5)
     with pytest.raises(ConfigError, match="negative"):
-        picture_episode(tmp_path / "a.png", short, PictureStyle(**SMALL), -1)
+        save_episode_picture(tmp_path / "a.png", short, PictureStyle(**SMALL), -1)
     with pytest.raises(ConfigError, match="still pictures"):
-        picture_episode(tmp_path / "a.gif", short, PictureStyle(**SMALL), 1)
+        save_episode_picture(tmp_path / "a.gif", short, PictureStyle(**SMALL), 1)
 
 
 def test_an_episode_moves(tmp_path: Path) -> None:
     config = {**CAMERAS, "episode_steps": 9}
-    path = picture_episode(
+    path = save_episode_picture(
         tmp_path / "a.webp", episode(policy="random", config=config), PictureStyle(**SMALL, view="cloud")
     )
     with Image.open(path) as film:
@@ -125,10 +132,12 @@ def test_an_episode_moves(tmp_path: Path) -> None:
 
 
 def test_an_object_alone_opens_and_closes(tmp_path: Path) -> None:
-    closed, opened = (shown(picture_object(tmp_path / "a.png", OBJECT, share, **SMALL)) for share in (None, 0.8))
+    closed, opened = (
+        shown(save_object_picture(tmp_path / "a.png", OBJECT, share, **SMALL)) for share in (None, 0.8)
+    )
     assert closed.shape == (60, 80, 3)
     assert (closed != opened).any(axis=-1).mean() > 0.05
-    with Image.open(picture_object(tmp_path / "a.webp", OBJECT, **SMALL)) as film:
+    with Image.open(save_object_picture(tmp_path / "a.webp", OBJECT, **SMALL)) as film:
         frames = [np.asarray(frame.convert("RGB")).astype(int) for frame in ImageSequence.Iterator(film)]
     change = [np.abs(frame - frames[0]).mean() for frame in (frames[len(frames) // 2], frames[-1])]
     assert change[0] > 3
@@ -186,5 +195,46 @@ def test_impossible_episodes_are_named(tmp_path: Path) -> None:
         ({"config": {"episode_stepz": 3}}, "episode_steps"),
     ):
         with pytest.raises((ConfigError, UnknownNameError), match=message):
-            picture_episode(tmp_path / "a.png", episode(**wrong), PictureStyle(**SMALL), 1)
+            save_episode_picture(tmp_path / "a.png", episode(**wrong), PictureStyle(**SMALL), 1)
+    assert not list(tmp_path.iterdir())
+
+
+STYLE = PictureStyle(width=60, height=45)
+
+
+def test_rows_and_moments(tmp_path: Path) -> None:
+    demos = load_demo_pack("OpenCabinetDrawer")
+    with demos.open(demos.objects[0]) as file:
+        numbers = save_demos_picture(tmp_path / "a.png", file, STYLE, count=2, moments=3)
+        assert numbers == most_different(file, [0, 1, 2, 3], 2)
+        assert len(set(numbers)) == 2
+        picture = np.asarray(Image.open(tmp_path / "a.png"))
+        assert picture.shape == (2 * 45 + 6, 3 * 60 + 12, 3)
+        first, last = picture[:30, :60].astype(int), picture[:30, -60:].astype(int)
+        assert np.abs(first - last).mean() > 1  # something happens
+        style = PictureStyle(width=60, height=45, viewpoint=Viewpoint(azimuth_deg=90))
+        assert save_demos_picture(tmp_path / "b.jpg", file, style, count=9, moments=2) == [0, 1, 2, 3]
+
+
+def test_the_same_way_is_not_drawn_twice() -> None:
+    demos = load_demo_pack("PushChair")
+    with demos.open(demos.objects[0]) as file:
+        assert most_different(file, [2, 2, 2, 1], 2) == [1, 2]
+        assert most_different(file, [3], 2) == [3]
+        first, *others = most_different(file, [0, 1, 2, 3], 4)
+        assert [first, *others] == [0, 1, 2, 3]
+
+
+def test_bad_input(tmp_path: Path) -> None:
+    demos = load_demo_pack("OpenCabinetDrawer")
+    with demos.open(demos.objects[0]) as file:
+        for path, changes, message in (
+            ("a.gif", {}, "strips are still pictures"),
+            ("a.bmp", {}, "must end in"),
+            ("a.png", {"count": 0}, "number of demonstrations must be"),
+            ("a.png", {"moments": 1}, "number of moments must be"),
+            ("a.png", {"target": "link_9"}, "has no demonstrations of link_9"),
+        ):
+            with pytest.raises(ConfigError, match=message):
+                save_demos_picture(tmp_path / path, file, STYLE, **changes)
     assert not list(tmp_path.iterdir())

@@ -5,7 +5,7 @@ import pytest
 
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import UnknownNameError
-from artiskill.evaluation.episodes import run_episode
+from artiskill.evaluation.evaluate import run_episode
 from artiskill.evaluation.policies import Actor, RandomActor, load_policy
 
 

@@ -39,12 +39,11 @@ def run(arguments: argparse.Namespace) -> int:
     from artiskill.cli.check_table import print_checks
     from artiskill.cli.parser import overrides_of
     from artiskill.cli.progress import Progress
-    from artiskill.evaluation.report_files import check_folder
-    from artiskill.files import output_path
+    from artiskill.files import check_output_folder, output_path
     from artiskill.jobs.parallel import available_cores
 
     if arguments.json is not None:
-        check_folder(output_path(arguments.json).absolute().parent)
+        check_output_folder(output_path(arguments.json).absolute().parent)
     config = load_checks_config(overrides_of(arguments.set))
     items = resolve_objects(arguments.objects)
     workers = available_cores() if arguments.workers is None else arguments.workers

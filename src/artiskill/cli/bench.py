@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> None:
     from artiskill.bench.run import measure_alone
     from artiskill.cli.bench_table import print_bench
     from artiskill.cli.progress import Progress
-    from artiskill.evaluation.report_files import check_folder
+    from artiskill.files import check_output_folder
 
     cases = make_cases(
         arguments.task,
@@ -64,7 +64,7 @@ def run(arguments: argparse.Namespace) -> None:
     if plot:
         figure_class()  # minutes later would be late to say that it is missing
     if arguments.out is not None:
-        check_folder(arguments.out)  # before minutes of measuring
+        check_output_folder(arguments.out)  # before minutes of measuring
     machine, measurements = machine_facts(), []
     with Progress("bench", len(cases), "figures") as progress:
         for case in cases:

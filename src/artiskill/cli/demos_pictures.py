@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace) -> None:
     from artiskill.cli.demos_replay import find_object
     from artiskill.demos.demos import Demos
     from artiskill.envs.rendering import Viewpoint
-    from artiskill.evaluation.demo_pictures import picture_demos
+    from artiskill.evaluation.pictures import save_demos_picture
     from artiskill.evaluation.scene_pictures import PictureStyle
 
     demos = Demos(arguments.path)
@@ -51,7 +51,7 @@ def run(arguments: argparse.Namespace) -> None:
         viewpoint=Viewpoint(arguments.azimuth, arguments.elevation, arguments.distance),
     )
     with demos.open(name) as file:
-        numbers = picture_demos(
+        numbers = save_demos_picture(
             arguments.out, file, style, arguments.count, arguments.moments, arguments.target, given
         )
     print(f"{arguments.out}: {name}, demonstrations {', '.join(map(str, numbers))}")

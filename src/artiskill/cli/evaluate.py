@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # at run time these take half a second, which `artiskill --help` does not have
-    from artiskill.evaluation.plan import Plan
+    from artiskill.evaluation.plan import EvaluationPlan
     from artiskill.evaluation.report import Report
 
 _EPILOG = """examples:
@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace) -> None:
     from artiskill.errors import ConfigError
     from artiskill.evaluation.evaluate import check_workers
     from artiskill.evaluation.recording import check_video
-    from artiskill.evaluation.report_files import check_report_folder, write_files
+    from artiskill.evaluation.report import check_report_folder, write_report
     from artiskill.files import lock_folder
     from artiskill.jobs.parallel import available_cores
 
@@ -87,7 +87,7 @@ def run(arguments: argparse.Namespace) -> None:
         with _earlier_report_told(arguments.out):
             report = _evaluate(arguments, plan, workers)
             if arguments.out is not None:
-                write_files(report, arguments.out)
+                write_report(report, arguments.out, is_locked=True)
                 print(f"report: {arguments.out}/report.md")
         if arguments.video is not None:
             _film(arguments, plan, workers)
@@ -104,11 +104,11 @@ def _earlier_report_told(folder: Path | None) -> Iterator[None]:
         raise
 
 
-def _plan(arguments: argparse.Namespace) -> "Plan":
+def _plan(arguments: argparse.Namespace) -> "EvaluationPlan":
     from artiskill.cli.parser import overrides_of
-    from artiskill.evaluation.plan import make_plan
+    from artiskill.evaluation.plan import plan_evaluation
 
-    return make_plan(
+    return plan_evaluation(
         task=arguments.task,
         policy=arguments.policy,
         objects=arguments.objects,
@@ -122,18 +122,20 @@ def _plan(arguments: argparse.Namespace) -> "Plan":
     )
 
 
-def _evaluate(arguments: argparse.Namespace, plan: "Plan", workers: int) -> "Report":
+def _evaluate(arguments: argparse.Namespace, plan: "EvaluationPlan", workers: int) -> "Report":
     from artiskill.cli.progress import Progress
     from artiskill.cli.table import print_report
-    from artiskill.evaluation.evaluate import run_plan
+    from artiskill.evaluation.evaluate import run_evaluation
 
     with Progress(f"{plan.task.name}, {plan.policy_name}", plan.num_episodes, "episodes") as progress:
-        report = run_plan(plan, workers, lambda result: progress.advance(result.success), arguments.step_timeout)
+        report = run_evaluation(
+            plan, workers, lambda result: progress.advance(result.success), arguments.step_timeout
+        )
     print_report(report)
     return report
 
 
-def _film(arguments: argparse.Namespace, plan: "Plan", workers: int) -> None:
+def _film(arguments: argparse.Namespace, plan: "EvaluationPlan", workers: int) -> None:
     from artiskill.cli.progress import Progress
     from artiskill.evaluation.recording import record_video
 

@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _render_episode(arguments: argparse.Namespace) -> Path:
     from artiskill.cli.parser import overrides_of
-    from artiskill.evaluation.pictures import EpisodeChoice, picture_episode
+    from artiskill.evaluation.pictures import EpisodeChoice, save_episode_picture
     from artiskill.evaluation.scene_pictures import PictureStyle
 
     style = PictureStyle(
@@ -86,16 +86,16 @@ def _render_episode(arguments: argparse.Namespace) -> Path:
         policy=arguments.policy or "expert",
         config=overrides_of(arguments.set or []),
     )
-    return picture_episode(arguments.out, episode, style, arguments.step or 0)
+    return save_episode_picture(arguments.out, episode, style, arguments.step or 0)
 
 
 def _render_object(arguments: argparse.Namespace) -> Path:
-    from artiskill.evaluation.pictures import picture_object
+    from artiskill.evaluation.pictures import save_object_picture
 
     opened = arguments.open
     if opened is not None and len(opened) == 1:
         opened = opened[0]
-    return picture_object(
+    return save_object_picture(
         arguments.out,
         arguments.object,
         opened,

@@ -1,55 +1,57 @@
-"""A report as a table for a terminal."""
+"""Tables for a terminal, or for a file or pipe."""
 
 import shutil
 import sys
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.table import Table
 
-    from artiskill.evaluation.report import Report, Tally
+    from artiskill.evaluation.report import Report
 
-_PIPED_WIDTH = 120  # a file or pipe has no width of its own; rich would assume 80 and cut
+
+def make_console(piped_width: int = 120) -> "Console":
+    """Return the console of standard output; a file or pipe has no width, where rich would assume 80 and cut."""
+    from rich.console import Console
+
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else piped_width
+    return Console(width=width, highlight=False)
+
+
+def make_table(texts: Sequence[str], numbers: Sequence[str], title: str | None = None) -> "Table":
+    """Return a table without rows: columns of texts, which are never wrapped, then columns of numbers."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, title=title, title_justify="left")
+    for name in texts:
+        table.add_column(name, no_wrap=True)
+    for name in numbers:
+        table.add_column(name, justify="right")
+    return table
 
 
 def print_report(report: "Report") -> None:
-    """Print the table and a summary to standard output."""
-    from rich.console import Console
+    """Print an evaluation's table and a summary to standard output."""
     from rich.markup import escape
 
-    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else _PIPED_WIDTH
-    console = Console(width=width, highlight=False)
-    console.print(report_table(report))
+    from artiskill.evaluation.report import report_columns
+
+    console, columns = make_console(), report_columns(report)
+    table = make_table(columns[:2], columns[2:])
+    for row in report.rows:
+        table.add_row(*row.cells(".0%"))
+    table.add_section()
+    table.add_row("all", "", *report.total.cells(".0%"), style="bold")
+    console.print(table)
     if report.total.faults:
         console.print(report.total.faults_text, soft_wrap=True)
     low, high = report.total.interval
     console.print(
         f"[bold]{report.task}[/bold], policy {escape(report.policy)}: "
-        f"[bold]{report.success_rate:.1%}[/bold] solved ({low:.1%} to {high:.1%} with 95 % confidence), "
+        f"[bold]{report.success_rate:.1%}[/bold] solved (95 % confidence interval {low:.1%} to {high:.1%}), "
         f"{report.total.episodes} episodes in {report.timing['seconds']:.1f} s",
         soft_wrap=True,
     )
-
-
-def report_table(report: "Report") -> "Table":
-    """One row per object, and one for all."""
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for name in ("object", "target"):
-        table.add_column(name, no_wrap=True)
-    for name in ("solved", "rate", "95 % interval", *report.total.flags, "mean steps"):
-        table.add_column(name, justify="right")
-    for row in report.rows:
-        table.add_row(row.object, row.target, *_cells(row.tally))
-    table.add_section()
-    table.add_row("all", "", *_cells(report.total), style="bold")
-    return table
-
-
-def _cells(tally: "Tally") -> list[str]:
-    low, high = tally.interval
-    flags = [f"{rate:.0%}" for rate in tally.flags.values()]
-    head = [f"{tally.successes}/{tally.episodes}", f"{tally.success_rate:.0%}", f"{low:.0%} .. {high:.0%}"]
-    return [*head, *flags, f"{tally.mean_length:.1f}"]

@@ -1,4 +1,4 @@
-"""`evaluate`: a policy's success on many objects and levels, as a `Report`."""
+"""Evaluation: a policy acts in episodes on many objects and levels, and a `Report` counts its successes."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -8,16 +8,24 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from artiskill.envs.manipulation import ObjectChoice
+from artiskill.demos.attempts import FAULTS, fault_text
+from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
 from artiskill.errors import ConfigError, shown
-from artiskill.evaluation.episodes import EpisodeResult, run_episode
-from artiskill.evaluation.plan import WORKER_HINT, EpisodeBatch, Plan, make_plan
-from artiskill.evaluation.policies import Actor, load_policy
-from artiskill.evaluation.report import Report, make_report
-from artiskill.evaluation.time_limit import LOAD_TIMEOUT_S, TimedActor, check_limit, load_within
+from artiskill.evaluation.plan import WORKER_HINT, EpisodeBatch, EvaluationPlan, plan_evaluation
+from artiskill.evaluation.policies import (
+    LOAD_TIMEOUT_S,
+    Actor,
+    TimedActor,
+    check_time_limit,
+    load_policy,
+    load_within,
+)
+from artiskill.evaluation.report import EpisodeResult, Report, make_report
 from artiskill.jobs.fork_server import fork_server
 from artiskill.jobs.parallel import run_jobs
+from artiskill.jobs.worker import Send
 
+OnStep = Callable[[ManipulationEnv, int, bool], None]
 Result = TypeVar("Result")
 
 
@@ -67,14 +75,14 @@ def evaluate(
         PolicyError: a policy that cannot be loaded, raises, returns no legal action, takes too long, or ends its
             process.
     """
-    plan = make_plan(
+    plan = plan_evaluation(
         task, policy, objects, episodes, first_level, target, obs_mode, control_mode, config, load_timeout_s
     )
-    return run_plan(plan, workers, on_episode, step_timeout_s)
+    return run_evaluation(plan, workers, on_episode, step_timeout_s)
 
 
-def run_plan(
-    plan: Plan,
+def run_evaluation(
+    plan: EvaluationPlan,
     workers: int = 1,
     on_episode: Callable[[EpisodeResult], None] | None = None,
     step_timeout_s: float | None = None,
@@ -93,11 +101,11 @@ def run_plan(
 
 
 def run_batches(
-    function: Callable[["BatchJob", Callable[[Any], None]], Result],
-    plan: Plan,
+    function: Callable[["BatchJob", Send], Result],
+    plan: EvaluationPlan,
     batches: Sequence[EpisodeBatch],
     workers: int,
-    on_message: Callable[[Any], None] | None = None,
+    on_message: Send | None = None,
     step_timeout_s: float | None = None,
 ) -> list[Result]:
     """Have something done with batches of a plan.
@@ -106,9 +114,9 @@ def run_batches(
     and no time limit. Everything else happens in processes of its own, one for each batch.
 
     Raises:
-        PolicyError: as of `run_plan`.
+        PolicyError: as of `run_evaluation`.
     """
-    isolated = plan.is_foreign or step_timeout_s is not None or min(workers, len(batches)) > 1
+    isolated = plan.is_solution or step_timeout_s is not None or min(workers, len(batches)) > 1
     if isolated:
         fork_server().prepare(partial(_warm_up, replace(batches[0], policy="still")))
     load_timeout_s = plan.load_timeout_s if isolated else None
@@ -118,12 +126,12 @@ def run_batches(
     )
 
 
-def check_workers(plan: Plan, workers: object, step_timeout_s: object = None) -> None:
+def check_workers(plan: EvaluationPlan, workers: object, step_timeout_s: object = None) -> None:
     """Raise `ConfigError` unless so many processes can work on the plan, under that limit per step."""
     if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
         raise ConfigError(f"workers must be a whole number of at least 1, not {shown(workers)}")
     if step_timeout_s is not None:
-        check_limit(step_timeout_s)
+        check_time_limit(step_timeout_s)
     if workers > 1 and not plan.is_portable:
         raise ConfigError("only a policy given by name or path can be evaluated by several workers; use workers=1")
     if step_timeout_s is not None and not plan.is_portable:
@@ -144,21 +152,63 @@ class BatchJob:
     load_timeout_s: float | None
     step_timeout_s: float | None
 
-    def load_policy(self, tell: Callable[[Any], None]) -> Actor:
+    def load_policy(self, send: Send) -> Actor:
         """The one that acts."""
         if self.load_timeout_s is None:
             return load_policy(self.batch.policy)
-        actor = load_within(self.batch.policy, self.load_timeout_s, tell)
-        return actor if self.step_timeout_s is None else TimedActor(actor, self.step_timeout_s, tell)
+        actor = load_within(self.batch.policy, self.load_timeout_s, send)
+        return actor if self.step_timeout_s is None else TimedActor(actor, self.step_timeout_s, send)
 
 
-def _run_batch(job: BatchJob, tell: Callable[[Any], None]) -> list[EpisodeResult]:
+def run_episode(
+    env: ManipulationEnv,
+    actor: Actor,
+    level: int,
+    on_step: OnStep = lambda env, steps, done: None,
+) -> EpisodeResult:
+    """Run one episode to its end.
+
+    An episode that a fault ends (`FAULTS`: the physics diverges, or an expert's numbers do) counts as failed.
+
+    Args:
+        env: of one object; its target is fixed or drawn by the level.
+        actor: who acts.
+        level: which episode.
+        on_step: called with (env, steps so far, is this the end) at the first state and after each step.
+
+    Raises:
+        PolicyError: the policy raises or returns no legal action.
+    """
+    observation, info = env.reset(options={"level": level})
+    steps, done, fault = 0, False, ""
+    try:
+        actor.reset(env, observation, info)
+        on_step(env, steps, done)
+        while not done:
+            observation, _, terminated, truncated, info = env.step(actor.act(env, observation))
+            steps, done = steps + 1, terminated or truncated
+            on_step(env, steps, done)
+    except FAULTS as error:
+        fault = fault_text(error)
+        on_step(env, steps, True)
+    return EpisodeResult(
+        object=info["object"],
+        target=info["target"],
+        level=level,
+        success=info["success"],  # which ends an episode: one that a fault ends has not come to it
+        length=steps,
+        flags=dict.fromkeys(info["flags"], False) if fault else dict(info["flags"]),
+        fault=fault,
+    )
+
+
+def _run_batch(job: BatchJob, send: Send) -> list[EpisodeResult]:
     """Environment and policy are made anew for every batch: no object's episodes know of another's."""
-    env, actor = job.batch.make_env(), job.load_policy(tell)
+    env, actor = job.batch.make_env(), job.load_policy(send)
     results = []
     for level in job.batch.levels:
         results.append(run_episode(env, actor, level))
-        tell(results[-1])
+        send(results[-1])
     return results
 
 

@@ -1,4 +1,4 @@
-"""Still and moving pictures of one episode, or of an object alone, written to a file."""
+"""Still and moving pictures of one episode, of an object alone, or of demonstrations, written to a file."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,19 +10,22 @@ from PIL import Image
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object, resolve_objects
+from artiskill.config import check
+from artiskill.demos.demo_file import DemoFile
+from artiskill.demos.trajectory import Trajectory
 from artiskill.envs.control import JOINT
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.observation import ObservationContext
 from artiskill.envs.rendering import HEIGHT, WIDTH, Viewpoint
 from artiskill.errors import ConfigError, shown
-from artiskill.evaluation.episodes import play_steps, run_episode
-from artiskill.evaluation.film import FRAMES_PER_S, LAST_FRAME_S, Film, draw_instants
-from artiskill.evaluation.policies import load_policy
-from artiskill.evaluation.recording import check_video
-from artiskill.evaluation.report_files import check_folder
+from artiskill.evaluation.evaluate import run_episode
+from artiskill.evaluation.policies import Actor, load_policy
+from artiskill.evaluation.recording import FRAMES_PER_S, LAST_FRAME_S, EpisodeRecorder, check_video, draw_moments
 from artiskill.evaluation.scene_pictures import PictureStyle, check_size
 from artiskill.evaluation.video import write_video
-from artiskill.files import atomic_write, output_path
+from artiskill.files import atomic_write, check_output_folder, output_path
+from artiskill.geometry.rotations import quat_to_matrix
+from artiskill.sensors.pictures.compose import below, beside
 from artiskill.sensors.pictures.objects import AZIMUTH_DEG, CLOSED, ELEVATION_DEG, ObjectView
 from artiskill.sensors.render_config import RenderConfig
 from artiskill.tasks.levels import check_level
@@ -30,6 +33,8 @@ from artiskill.tasks.levels import check_level
 STILL_SUFFIXES = (".png", ".jpg")
 MOVING_SUFFIXES = (".gif", ".webp", ".mp4")
 _SWEEP_FRAMES = 20  # of an object's joints, one way
+_SAMPLES = 10  # of a trajectory, when it is compared with others
+_HAND_SHARE = 0.3  # weight of joints, in radians, beside the base's place in metres
 
 
 @dataclass(frozen=True)
@@ -70,11 +75,11 @@ def check_picture(path: Path | str) -> bool:
         raise ConfigError(f"a picture's name must end in {legal}, not {shown(path.name)}")
     if path.is_dir():
         raise ConfigError(f"cannot write the picture {str(path)!r}: it is a folder")
-    check_folder(path.parent)
+    check_output_folder(path.parent)
     return False
 
 
-def picture_episode(path: Path | str, episode: EpisodeChoice, style: PictureStyle, step: int = 0) -> Path:
+def save_episode_picture(path: Path | str, episode: EpisodeChoice, style: PictureStyle, step: int = 0) -> Path:
     """Write a still picture of an episode after some steps, or a moving one of all of it.
 
     Args:
@@ -104,15 +109,41 @@ def picture_episode(path: Path | str, episode: EpisodeChoice, style: PictureStyl
         config=episode.config,
     )
     if not moving or actor is None:
-        play_steps(env, actor, level, step)
-        instants = [ObservationContext(env.snapshot, env.goal, 0, level, step)]
-        return write_picture(path, *draw_instants(env.task, env.scene, env.save_state().target, instants, style))
-    film = Film(style)
-    run_episode(env, actor, level, film.watch)
-    return _write_frames(path, film.draw())
+        _run_steps(env, actor, level, step)
+        contexts = [ObservationContext(env.snapshot, env.goal, 0, level, step)]
+        return write_picture(path, *draw_moments(env.task, env.scene, env.save_state().target, contexts, style))
+    recorder = EpisodeRecorder(style)
+    run_episode(env, actor, level, recorder.record)
+    return _write_frames(path, recorder.draw())
 
 
-def picture_object(
+def _run_steps(env: ManipulationEnv, actor: Actor | None, level: int, steps: int) -> None:
+    """Run the first steps of an episode; the environment is left there.
+
+    Args:
+        env: as in `run_episode`.
+        actor: who acts; None where nobody does, for 0 steps.
+        level: which episode.
+        steps: how many.
+
+    Raises:
+        ConfigError: a negative number, or the episode is over before.
+        PolicyError: the policy raises or returns no legal action.
+    """
+    if steps < 0:
+        raise ConfigError(f"the number of steps must not be negative, not {steps}")
+    observation, info = env.reset(options={"level": level})
+    if steps == 0 or actor is None:
+        return
+    actor.reset(env, observation, info)
+    for step in range(1, steps + 1):
+        observation, _, terminated, truncated, info = env.step(actor.act(env, observation))
+        if (terminated or truncated) and step < steps:
+            how = "solved" if info["success"] else "cut off"
+            raise ConfigError(f"step {steps} does not exist: the episode is {how} after {step} steps")
+
+
+def save_object_picture(
     path: Path | str,
     obj: str | Path | ArticulatedObject,
     opened: float | Sequence[float] | None = None,
@@ -124,7 +155,7 @@ def picture_object(
     """Write a still picture of an object alone, or a moving one in which its joints go there and back.
 
     Args:
-        path: as in `picture_episode`.
+        path: as in `save_episode_picture`.
         obj: id, name or path of an object, or one.
         opened: shares of the joints' ranges, as `joint_fractions` of `render_object`; None for closed in a still
             picture and wide open in the middle of a moving one.
@@ -159,6 +190,85 @@ def picture_object(
     there = [view.draw(np.asarray(opened) * share, camera) for share in shares.tolist()]
     pause = round(LAST_FRAME_S * FRAMES_PER_S)
     return _write_frames(path, [*there, *[there[-1]] * pause, *there[::-1]])
+
+
+def save_demos_picture(
+    path: Path | str,
+    file: DemoFile,
+    style: PictureStyle,
+    count: int = 5,
+    moments: int = 5,
+    target: str | None = None,
+    given: ArticulatedObject | None = None,
+) -> list[int]:
+    """Write a picture of the most different demonstrations of an object: a row each, time from left to right.
+
+    Args:
+        path: ends in .png or .jpg.
+        file: of the object's demonstrations.
+        style: how each moment is drawn.
+        count: rows; all demonstrations, where there are fewer.
+        moments: of each, evenly spaced from its begin to its end.
+        target: only demonstrations of this link.
+        given: the object, where no name leads to it.
+
+    Returns:
+        The numbers of the demonstrations, in order.
+
+    Raises:
+        ConfigError: an illegal path or number, or no demonstrations of the target.
+        DemoError: the file is damaged, or of another catalogue.
+    """
+    check(not check_picture(path), f"strips are still pictures, .png or .jpg, not {Path(path).name!r}")
+    check(count >= 1, f"the number of demonstrations must be at least 1, not {count}")
+    check(moments >= 2, f"the number of moments must be at least 2, not {moments}")
+    numbers = [k for k in range(len(file)) if target is None or file.trajectory(k).target == target]
+    check(bool(numbers), f"{str(file.path)!r} has no demonstrations of {target or 'anything'}")
+    chosen = most_different(file, numbers, count)
+    obj = file.load_object(given)
+    rows = [_strip(file.trajectory(number), file, obj, style, moments) for number in chosen]
+    write_picture(path, below(rows))
+    return chosen
+
+
+def most_different(file: DemoFile, numbers: list[int], count: int) -> list[int]:
+    """Numbers of demonstrations, in order: the first one, then always the one farthest from all chosen before.
+
+    Far is how the robot goes: its base in the object's frame at the begin, and its joints.
+    """
+    ways = np.stack([_way(file.trajectory(number)) for number in numbers])
+    chosen, nearest = [0], np.linalg.norm(ways - ways[0], axis=1)
+    while len(chosen) < min(count, len(numbers)):
+        chosen.append(int(nearest.argmax()))
+        nearest = np.minimum(nearest, np.linalg.norm(ways - ways[chosen[-1]], axis=1))
+    return sorted(numbers[k] for k in chosen)
+
+
+def _way(trajectory: Trajectory) -> np.ndarray:
+    """Some moments of a trajectory, side by side."""
+    states = trajectory.states
+    steps = np.linspace(0, len(trajectory), _SAMPLES).astype(int)
+    robot = states["robot_qpos"][steps].astype(np.float64)
+    turn = quat_to_matrix(states["root_quaternion_w"][0].astype(np.float64))[:2, :2]
+    base = (robot[:, :2] - states["root_position_w"][0, :2]) @ turn
+    return np.concatenate((base, _HAND_SHARE * robot[:, 3:]), axis=1).ravel()
+
+
+def _strip(
+    trajectory: Trajectory, file: DemoFile, obj: ArticulatedObject, style: PictureStyle, moments: int
+) -> np.ndarray:
+    """Moments of a demonstration side by side, from one direction; it is simulated once more."""
+    env = file.make_env(obj=obj)
+    env.reset(options={"level": trajectory.level, "object": obj, "target": trajectory.target})
+    steps = np.linspace(0, len(trajectory), moments).astype(int).tolist()
+    contexts = [ObservationContext(env.snapshot, env.goal, 0, trajectory.level, 0)]
+    for step, action in enumerate(trajectory.actions, start=1):
+        env.step(action)
+        if step in steps:
+            contexts.append(ObservationContext(env.snapshot, env.goal, 0, trajectory.level, step))
+    seconds = [context.elapsed * env.snapshot.step_s for context in contexts]
+    captions = [f"level {trajectory.level}, {trajectory.target}, {time_s:.1f} s" for time_s in seconds]
+    return beside(list(draw_moments(env.task, env.scene, trajectory.target, contexts, style, captions)))
 
 
 def write_picture(path: Path | str, picture: np.ndarray) -> Path:

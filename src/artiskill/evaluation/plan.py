@@ -1,7 +1,7 @@
 """What is to be evaluated, checked before the first step is simulated."""
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,9 +12,17 @@ from artiskill.assets.catalog import checked_hash, load_object, object_id_of, re
 from artiskill.envs.control import JOINT
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
 from artiskill.errors import ConfigError, PolicyError, shown
-from artiskill.evaluation.policies import POLICY_NAMES, Actor, load_policy, solution_path
-from artiskill.evaluation.time_limit import LOAD_TIMEOUT_S, check_limit, load_within
+from artiskill.evaluation.policies import (
+    LOAD_TIMEOUT_S,
+    POLICY_NAMES,
+    Actor,
+    check_time_limit,
+    load_policy,
+    load_within,
+    solution_path,
+)
 from artiskill.jobs.parallel import run_jobs
+from artiskill.jobs.worker import Send
 from artiskill.tasks.levels import check_level
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Task
@@ -76,7 +84,7 @@ class EpisodeBatch:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class EvaluationPlan:
     """An evaluation that is ready to run.
 
     Attributes:
@@ -110,12 +118,12 @@ class Plan:
         return isinstance(self.policy, str)
 
     @property
-    def is_foreign(self) -> bool:
+    def is_solution(self) -> bool:
         """Whether the policy is a solution file: code that may do anything to its process."""
         return self.policy_sha256 is not None
 
 
-def make_plan(
+def plan_evaluation(
     task: str,
     policy: Any,
     objects: ObjectChoice = "test",
@@ -126,7 +134,7 @@ def make_plan(
     control_mode: str | None = None,
     config: Mapping[str, Any] | None = None,
     load_timeout_s: float = LOAD_TIMEOUT_S,
-) -> Plan:
+) -> EvaluationPlan:
     """Check everything that can be checked beforehand; the arguments are those of `evaluate`.
 
     A solution file is run in a process of its own, to see what it needs.
@@ -139,8 +147,8 @@ def make_plan(
     """
     levels = _levels(episodes, first_level)
     resolved = make_task(task, config)
-    check_limit(load_timeout_s, "for loading a policy")
-    actor = look_at(policy, load_timeout_s)
+    check_time_limit(load_timeout_s, "for loading a policy")
+    actor = inspect_policy(policy, load_timeout_s)
     obs_mode = _mode("obs_mode", obs_mode, actor) or _DEFAULT_OBS_MODE
     control_mode = _mode("control_mode", control_mode, actor) or JOINT
     policy = policy if callable(policy) or hasattr(policy, "act") else str(policy)
@@ -151,11 +159,13 @@ def make_plan(
     )
     for batch in batches[: len(batches) if target else 1]:  # a given target must exist on every object
         batch.make_env()
-    return Plan(resolved, actor.name, policy, _digest(policy), obs_mode, control_mode, batches, load_timeout_s)
+    return EvaluationPlan(
+        resolved, actor.name, policy, _digest(policy), obs_mode, control_mode, batches, load_timeout_s
+    )
 
 
 @dataclass(frozen=True)
-class PolicyFacts:
+class PolicySpec:
     """What a policy says of itself: `name`, `obs_mode` and `control_mode` as of `Actor`."""
 
     name: str
@@ -163,7 +173,7 @@ class PolicyFacts:
     control_mode: str | None
 
 
-def look_at(policy: Any, load_timeout_s: float = LOAD_TIMEOUT_S) -> PolicyFacts:
+def inspect_policy(policy: Any, load_timeout_s: float = LOAD_TIMEOUT_S) -> PolicySpec:
     """Load a policy to see what it says of itself; the code of a solution file never runs in this process.
 
     Raises:
@@ -172,22 +182,22 @@ def look_at(policy: Any, load_timeout_s: float = LOAD_TIMEOUT_S) -> PolicyFacts:
     """
     path = solution_path(policy)
     if path is None:
-        return _facts(load_policy(policy))
-    look = partial(_look, limit_s=load_timeout_s)
-    return run_jobs(look, [str(path)], 1, describe=str, isolated=True, hint=WORKER_HINT)[0]
+        return _spec_of(load_policy(policy))
+    inspect = partial(_inspect, limit_s=load_timeout_s)
+    return run_jobs(inspect, [str(path)], 1, describe=str, isolated=True, hint=WORKER_HINT)[0]
 
 
-def _look(path: str, tell: Callable[[Any], None], limit_s: float) -> PolicyFacts:
-    return _facts(load_within(path, limit_s, tell))
+def _inspect(path: str, send: Send, limit_s: float) -> PolicySpec:
+    return _spec_of(load_within(path, limit_s, send))
 
 
-def _facts(actor: Actor) -> PolicyFacts:
+def _spec_of(actor: Actor) -> PolicySpec:
     """As plain text, which any process can read."""
     said = (actor.name, actor.obs_mode, actor.control_mode)
-    return PolicyFacts(*(None if value is None else "".join(value) for value in said))  # type: ignore[arg-type]
+    return PolicySpec(*(None if value is None else "".join(value) for value in said))  # type: ignore[arg-type]
 
 
-def _mode(kind: str, asked: str | None, actor: PolicyFacts) -> str | None:
+def _mode(kind: str, asked: str | None, actor: PolicySpec) -> str | None:
     """The mode that was asked for, else the one that the policy needs."""
     needed: str | None = getattr(actor, kind)
     if asked is not None and needed not in (None, asked):

@@ -1,6 +1,8 @@
 """Policies as evaluation sees them, and those that come with the package."""
 
+import math
 import os
+import random
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
@@ -9,10 +11,13 @@ import numpy as np
 
 from artiskill.demos.demonstrator import Demonstrator
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.errors import UnknownNameError
+from artiskill.errors import ConfigError, UnknownNameError, shown
 from artiskill.evaluation.solution import Solution, read_solution
 from artiskill.experts.registry import Expert, make_expert
+from artiskill.jobs.worker import NO_DEADLINE, Deadline, Send
 from artiskill.tasks.levels import RngStream, level_generator
+
+LOAD_TIMEOUT_S = 120.0  # to run a solution file and construct its policy: weights may be large
 
 
 class Actor(Protocol):
@@ -146,6 +151,41 @@ class SolutionActor:
         return self._solution.act(observation, env.action_space.shape or ())
 
 
+class TimedActor:
+    """An actor that sends a deadline for each action; whoever receives it ends the process if it is missed.
+
+    Nothing inside a process can stop whatever code a policy runs there.
+
+    Args:
+        actor: who acts.
+        limit_s: for each `reset` and each `act`.
+        send: of a job that has a process of its own, see `run_jobs`.
+    """
+
+    def __init__(self, actor: Actor, limit_s: float, send: Send) -> None:
+        self._actor, self._limit_s, self._send = actor, limit_s, send
+        self.name, self.obs_mode, self.control_mode = actor.name, actor.obs_mode, actor.control_mode
+        self._where, self._step = "", 0
+
+    def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
+        """Begin an episode."""
+        self._where, self._step = f"object {info['object']}, level {info['level']}", 0
+        self._begin("reset() has not ended", self._where)
+        self._actor.reset(env, observation, info)
+        self._send(NO_DEADLINE)
+
+    def act(self, env: ManipulationEnv, observation: Any) -> Any:
+        """The actor's action."""
+        self._begin("no action", f"{self._where}, step {self._step}")
+        self._step += 1
+        action = self._actor.act(env, observation)
+        self._send(NO_DEADLINE)
+        return action
+
+    def _begin(self, what: str, where: str) -> None:
+        self._send(Deadline(f"{self.name}: {what} within {self._limit_s:g} s ({where})", self._limit_s))
+
+
 _ACTORS: Mapping[str, Callable[[], Actor]] = {
     "expert": ExpertActor,
     "demonstrator": DemonstratorActor,
@@ -184,3 +224,31 @@ def solution_path(policy: Any) -> Path | None:
     if path.suffix != ".py" and not os.path.exists(path):
         raise UnknownNameError("policy", str(policy), POLICY_NAMES, "Also legal: the path of a file solution.py.")
     return path
+
+
+def load_within(policy: Any, limit_s: float, send: Send) -> Actor:
+    """`load_policy` in a process of its own, which is ended if it takes too long.
+
+    Python's and NumPy's global generators start from the same numbers, whatever the process did before.
+
+    Args:
+        policy: as `load_policy` takes it.
+        limit_s: in seconds.
+        send: of a job that has a process of its own, see `run_jobs`.
+
+    Raises:
+        UnknownNameError, PolicyError: as of `load_policy`.
+    """
+    send(Deadline(f"{policy}: not loaded within {limit_s:g} s", limit_s))
+    random.seed(0)
+    np.random.seed(0)  # noqa: NPY002 - for solutions that draw from it
+    actor = load_policy(policy)
+    send(NO_DEADLINE)
+    return actor
+
+
+def check_time_limit(limit_s: object, what: str = "per step") -> None:
+    """Raise `ConfigError` unless it is a positive, finite number of seconds."""
+    is_number = isinstance(limit_s, int | float) and not isinstance(limit_s, bool)
+    if not is_number or not 0 < limit_s < math.inf:  # type: ignore[operator]
+        raise ConfigError(f"the time limit {what} must be a positive number of seconds, not {shown(limit_s)}")

@@ -1,25 +1,69 @@
-"""Moving pictures of episodes: what a report's numbers look like."""
+"""Moving pictures of episodes: each is played to its end, then drawn, robot and object as large as can be.
+
+Of several directions the camera stands in the one that shows object, moved part, handles, hands, robot and goal
+best, judged by small pictures; from there it follows smoothly, without turning.
+"""
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from artiskill.assets.handles import is_handle_part
+from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.envs.observation import ObservationContext
+from artiskill.envs.rendering import Viewpoint
 from artiskill.errors import ConfigError, shown
-from artiskill.evaluation.episodes import run_episode
-from artiskill.evaluation.evaluate import BatchJob, check_workers, run_batches
-from artiskill.evaluation.film import FRAMES_PER_S, Film, FrameDrawn
-from artiskill.evaluation.plan import Plan
-from artiskill.evaluation.report_files import check_folder
-from artiskill.evaluation.scene_pictures import PictureStyle
-from artiskill.evaluation.video import write_video
-from artiskill.files import output_path
+from artiskill.evaluation.evaluate import BatchJob, check_workers, run_batches, run_episode
+from artiskill.evaluation.plan import EvaluationPlan
+from artiskill.evaluation.scene_pictures import PictureStyle, SceneRenderer
+from artiskill.evaluation.video import caption, caption_share, write_video
+from artiskill.files import check_output_folder, output_path
+from artiskill.geometry.meshes import convex_hull
+from artiskill.geometry.rotations import transform_points
+from artiskill.jobs.worker import Send
+from artiskill.scene.scene import Scene
+from artiskill.sensors.camera import Camera
+from artiskill.sensors.pictures.framing import following_cameras
+from artiskill.sensors.render_config import load_render_config
+from artiskill.sensors.renderer import BodyVisual, Renderer
+from artiskill.sim.snapshot import Snapshot
+from artiskill.tasks.free_object import ObjectPose
+from artiskill.tasks.move_bucket import BucketGoal
+from artiskill.tasks.open_cabinet import CabinetGoal
+from artiskill.tasks.push_chair import ChairGoal
+from artiskill.tasks.task import Task
+
+STEPS_PER_FRAME = 2
+FRAMES_PER_S = 10.0  # with 20 environment steps per second, as fast as life
+LAST_FRAME_S = 1.0
+
+FOV_DEG = 35.0  # as of objects alone
+CALM_FRAMES = 6  # moves of the camera take twice as long
+# (azimuth, elevation). Cabinets face 180 degrees. What stands free is looked at from the side of the sun, and from
+# higher up, to show what is over the platform.
+_BEFORE_CABINETS = tuple((float(a), e) for a in range(124, 237, 14) for e in (16.0, 28.0))
+_AROUND = tuple((float(a), e) for a in range(112, 333, 20) for e in (24.0, 34.0))
+_TRIALS = 8  # moments at which directions are compared
+_TRIAL_PX = 128, 96
+_HANDS = ("panda_hand", "panda_finger")
+# shares of the picture: what something hidden counts as, four pixels of a trial, and what is seen well
+_HIDDEN, _ENOUGH = 3e-4, 0.1
+
+
+@dataclass(frozen=True)
+class FrameDrawn:
+    """How far the drawing of an episode has come, in environment steps."""
+
+    steps: int
+    done: bool
 
 
 def record_video(
-    plan: Plan,
+    plan: EvaluationPlan,
     path: Path | str,
     count: int = 1,
     workers: int = 1,
@@ -28,7 +72,8 @@ def record_video(
 ) -> Path:
     """Play the first level of the first objects of a plan again, and write what it looks like.
 
-    The episodes are those of the report, because a level fixes everything; the report does not depend on them.
+    The episodes are those of the report, because a level determines everything; the report does not depend on
+    them.
 
     Args:
         plan: which episodes.
@@ -65,12 +110,229 @@ def check_video(path: Path | str, count: int = 1) -> None:
         raise ConfigError(f"the number of episodes in a video must be at least 1, not {shown(count)}")
     if path.is_dir():
         raise ConfigError(f"cannot write the video {str(path)!r}: it is a folder")
-    check_folder(path.parent)
+    check_output_folder(path.parent)
     with tempfile.TemporaryDirectory() as folder:  # the writer itself knows best what it can write
         write_video(Path(folder) / path.name, [np.zeros((16, 16, 3), np.uint8)], FRAMES_PER_S)
 
 
-def _record(job: BatchJob, tell: Callable[[Any], None]) -> list[np.ndarray]:
-    film = Film(PictureStyle())
-    run_episode(job.batch.make_env(), job.load_policy(tell), job.batch.levels[0], film.watch)
-    return film.draw(tell)
+def _record(job: BatchJob, send: Send) -> list[np.ndarray]:
+    recorder = EpisodeRecorder(PictureStyle())
+    run_episode(job.batch.make_env(), job.load_policy(send), job.batch.levels[0], recorder.record)
+    return recorder.draw(send)
+
+
+class EpisodeRecorder:
+    """Records the moments of one episode while it is played, and draws them.
+
+    Args:
+        style: how they are drawn.
+
+    Attributes:
+        moments: what is drawn: every second step, and the last.
+    """
+
+    def __init__(self, style: PictureStyle) -> None:
+        self.moments: list[ObservationContext] = []
+        self._style = style
+        self._captions: list[str] = []
+        self._env: ManipulationEnv | None = None
+
+    def record(self, env: ManipulationEnv, steps: int, done: bool) -> None:
+        """Keep a moment, as `on_step` of `run_episode`."""
+        self._env = env
+        if done or steps % STEPS_PER_FRAME == 0:
+            level = env.save_state().level
+            self.moments.append(ObservationContext(env.snapshot, env.goal, 0, level, steps))
+            self._captions.append(episode_caption(env, done))
+
+    def draw(self, on_frame: Callable[[FrameDrawn], Any] | None = None) -> list[np.ndarray]:
+        """The frames, (H, W, 3) uint8 each; the last one stays for `LAST_FRAME_S`.
+
+        Args:
+            on_frame: called after each frame.
+        """
+        assert self._env is not None, "an episode is drawn after it was played"
+        env, last, frames = self._env, len(self.moments) - 1, []
+        drawn = draw_moments(
+            env.task, env.scene, env.save_state().target, self.moments, self._style, self._captions, CALM_FRAMES
+        )
+        for k, frame in enumerate(drawn):
+            frames.append(frame)
+            if on_frame is not None:
+                on_frame(FrameDrawn(self.moments[k].elapsed, k == last))
+        return frames + [frames[-1]] * round(LAST_FRAME_S * FRAMES_PER_S)
+
+
+def draw_moments(
+    task: Task,
+    scene: Scene,
+    target: str,
+    moments: Sequence[ObservationContext],
+    style: PictureStyle,
+    captions: Sequence[str] = (),
+    calm_frames: int = 0,
+) -> Iterator[np.ndarray]:
+    """Pictures of an episode from one direction, one after the other.
+
+    Args:
+        task: what is asked.
+        scene: of the episode.
+        target: the target link.
+        moments: in order.
+        style: how they are drawn.
+        captions: a line for each; none for no captions.
+        calm_frames: see `following_cameras`; 0 for pictures that stand beside one another.
+
+    Raises:
+        ConfigError: a size or viewpoint out of range.
+    """
+    height = style.size[1]
+    below = caption_share(height) if captions and style.view != "all" else 0.0
+    cameras: Sequence[Camera | None] = [None] * len(moments)
+    if style.view != "sensor":
+        snapshots = [moment.snapshot for moment in moments]
+        cameras = episode_cameras(task, scene, target, snapshots, style.viewpoint, style.size, below, calm_frames)
+    painter = SceneRenderer(task, scene, target, style)
+    for k, (moment, camera) in enumerate(zip(moments, cameras, strict=True)):
+        picture = painter.draw(moment, camera)
+        yield caption(picture, captions[k]) if captions else picture
+
+
+def episode_caption(env: ManipulationEnv, done: bool) -> str:
+    """Object, target, how far open or how far from its goal, and how it ended."""
+    state = env.save_state()
+    parts = [state.object, state.target]
+    goal = env.goal
+    if isinstance(goal, CabinetGoal):
+        opened = (env.snapshot.object_qpos[0, goal.joint[0]] - goal.lower[0]) / (goal.upper[0] - goal.lower[0])
+        parts.append(f"{round(100 * max(0.0, opened))} % open")  # a closed drawer gives a little: no "-0 %"
+    elif isinstance(goal, BucketGoal | ChairGoal):
+        parts[1] = f"{ObjectPose(env.snapshot).distance_m[0]:.2f} m from its goal"
+    if done:
+        parts.append("success" if state.streaks.min() >= env.task.hold_steps else "not solved")
+    return "  ·  ".join(parts)
+
+
+def episode_cameras(
+    task: Task,
+    scene: Scene,
+    target: str,
+    snapshots: Sequence[Snapshot],
+    viewpoint: Viewpoint,
+    size: tuple[int, int],
+    free_below: float = 0.0,
+    calm_frames: int = 0,
+) -> list[Camera]:
+    """Return a camera for each moment of an episode.
+
+    Args:
+        task: what is asked.
+        scene: of the episode.
+        target: the target link.
+        snapshots: of all moments, B = 1 each.
+        viewpoint: a direction that is given is kept; a distance or a middle fixes the camera: `Viewpoint.camera`.
+        size: width and height, pixels.
+        free_below: see `following_cameras`.
+        calm_frames: likewise.
+
+    Raises:
+        ConfigError: a size or viewpoint out of range.
+    """
+    if viewpoint.distance_m is not None or viewpoint.target_w is not None:
+        return [viewpoint.camera(task.world_camera, *size)] * len(snapshots)
+    points = shown_points(scene, snapshots)
+    films = [
+        following_cameras(points, *direction, *size, FOV_DEG, free_below=free_below, calm_frames=calm_frames)
+        for direction in _directions(scene, viewpoint)
+    ]
+    return films[_best(scene, target, snapshots, films)] if len(films) > 1 else films[0]
+
+
+def shown_points(scene: Scene, snapshots: Sequence[Snapshot]) -> list[np.ndarray]:
+    """Return by moment, (N, 3) world: an outline of robot, object and props, as far as they stand above the floor.
+
+    The lift's column goes into the floor. A wall that the object hangs on is left out.
+    """
+    outlines = _outlines(scene)
+    found = []
+    for snapshot in snapshots:
+        positions, quaternions = snapshot.body_position_w[0], snapshot.body_quaternion_w[0]
+        points = [transform_points(positions[body], quaternions[body], at) for body, at in outlines.items()]
+        found.append(np.concatenate(points))
+        np.maximum(found[-1][:, 2], 0.0, out=found[-1][:, 2])
+    return found
+
+
+def _outlines(scene: Scene) -> dict[int, np.ndarray]:
+    """By body, the corners of the convex hull of what is drawn of it, in its frame."""
+    first, last = scene.index.object_bodies.start, scene.index.object_bodies.stop
+    own = set(_object_bodies(scene))
+    vertices: dict[int, list[np.ndarray]] = {}
+    for body, visual in scene.visuals:
+        if (body in own or not first <= body < last) and len(visual.mesh.vertices):
+            vertices.setdefault(body, []).append(visual.mesh.vertices)
+    return {body: _hull_corners(np.concatenate(meshes)) for body, meshes in vertices.items()}
+
+
+def _hull_corners(points: np.ndarray) -> np.ndarray:
+    try:
+        return convex_hull(points).mesh.vertices
+    except ValueError:  # flat: a drawn plate
+        return points
+
+
+def _directions(scene: Scene, viewpoint: Viewpoint) -> list[tuple[float, float]]:
+    """Azimuths and elevations, degrees, of which the best is chosen; what is given of them is kept."""
+    found = [
+        (
+            azimuth if viewpoint.azimuth_deg is None else viewpoint.azimuth_deg,
+            elevation if viewpoint.elevation_deg is None else viewpoint.elevation_deg,
+        )
+        for azimuth, elevation in (_AROUND if _is_free(scene) else _BEFORE_CABINETS)
+    ]
+    return list(dict.fromkeys(found))
+
+
+def _best(scene: Scene, target: str, snapshots: Sequence[Snapshot], films: Sequence[Sequence[Camera]]) -> int:
+    """Which of several films sees best what matters, by the sum of the logarithms of its shares of the pictures.
+
+    By the logarithm, what is nearly hidden in one film weighs more than what is large in another; more than enough
+    is worth no more, so that no robot stands before its cabinet for being large.
+    """
+    renderer = Renderer([BodyVisual(body, visual) for body, visual in scene.visuals], load_render_config("fast"))
+    matters, (width, height) = _what_matters(scene, target), _TRIAL_PX
+    merits = np.zeros(len(films))
+    for k in np.linspace(0, len(snapshots) - 1, min(_TRIALS, len(snapshots))).astype(int).tolist():
+        pose = snapshots[k].body_position_w[0], snapshots[k].body_quaternion_w[0]
+        cameras = [replace(film[k], width=width, height=height) for film in films]
+        geom = renderer.render(*pose, cameras, ("geom",)).geom.reshape(len(films), -1)
+        for visuals in matters:
+            merits += np.log(np.clip(np.isin(geom, visuals).mean(axis=1), _HIDDEN, _ENOUGH))
+    return int(merits.argmax())
+
+
+def _what_matters(scene: Scene, target: str) -> list[np.ndarray]:
+    """Numbers of the visuals that must be seen: the object, what moves, its handles, hands, robot, and goal."""
+    bodies = np.array([body for body, _ in scene.visuals])
+    robot = scene.robot.bodies
+    number = {name: scene.model.body(name).id for name in (*robot, *(prop.body for prop in scene.props))}
+    whole = np.isin(bodies, _object_bodies(scene))
+    moved = bodies == scene.index.object_bodies.start + scene.object.link_index(target)
+    handles = moved & np.array([is_handle_part(visual.part) for _, visual in scene.visuals])
+    hands = np.isin(bodies, [number[name] for name, part in robot.items() if part in _HANDS])
+    goals = np.isin(bodies, [number[prop.body] for prop in scene.props if prop.motion != "free"])
+    groups = [whole, hands, np.isin(bodies, [number[name] for name in robot]), goals]
+    if not _is_free(scene):
+        groups += [moved, handles]
+    return [np.flatnonzero(group) for group in groups if group.any()]
+
+
+def _object_bodies(scene: Scene) -> list[int]:
+    """Of the object's links, but not of a wall that it hangs on."""
+    first = scene.index.object_bodies.start
+    return [first + number for number in scene.object.own_links]
+
+
+def _is_free(scene: Scene) -> bool:
+    """Whether the object's root can move."""
+    return scene.index.root_qpos.start < scene.index.root_qpos.stop

@@ -71,7 +71,7 @@ class PictureStyle:
         return self.width or usual[0], self.height or usual[1]
 
 
-class ScenePainter:
+class SceneRenderer:
     """Draws one scene and target, in any state."""
 
     def __init__(self, task: Task, scene: Scene, target: str, style: PictureStyle) -> None:
