@@ -1,7 +1,7 @@
 """Cushions, boards and shells: a rounded pad over a superellipse, bent as a whole, and pieces that cover it."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Literal
@@ -24,56 +24,52 @@ _HIDDEN_RINGS = (0.3,)
 _OVERLAP_M = 0.003  # neighbouring strips share this much on either side: no slit between them
 _CORNER_WEIGHT = 1.0  # how many of an outline's points lie by its turning, relative to those by its length
 _EDGE_ANGLES = (0.0, np.pi / 4, np.pi / 2)
+_COLLISION_POINTS = 16  # of the outline that collision shapes follow
+# from so much wrap on, a pad is cut into three strips, and into five
+_THREE_STRIPS_M, _FIVE_STRIPS_M = 0.006, 0.016
 
 
 def unbent(points: np.ndarray) -> np.ndarray:
-    """The bend of a flat pad."""
+    """Return the points of a flat pad as they are."""
     return points
 
 
 @dataclass(frozen=True, eq=False)
 class Pad:
-    """A pad in its own frame (u, v, w): its rear face in the plane w = 0, its front at w = `thickness_m`.
-
-    Attributes:
-        half_u, half_v: half extents.
-        exponent: of the outline: 2 an ellipse, 4 and more a rounded rectangle.
-        thickness_m: along w.
-        edge_m: radius of the front edge.
-        crown_m: how much thicker the middle is than the edge.
-        bend: moves every point of the flat pad.
-    """
+    """A pad in its own frame (u, v, w): its rear face in the plane w = 0, its front at w = `thickness_m`."""
 
     half_u: float
     half_v: float
-    exponent: float
-    thickness_m: float
-    edge_m: float
-    crown_m: float = 0.0
-    bend: Bend = unbent
+    exponent: float  # of the outline: 2 an ellipse, 4 and more a rounded rectangle
+    thickness_m: float  # along w
+    edge_m: float  # radius of the front edge
+    crown_m: float = 0.0  # how much thicker the middle is than the edge
+    bend: Bend = unbent  # moves every point of the flat pad
 
 
 def pad_mesh(pad: Pad, tile_m: float, offset: Any, count: int = 24, seen: Faces = "both") -> TriMesh:
-    """The pad's surface, textured by its flat coordinates.
+    """Return the pad's surface, textured by its flat coordinates.
 
     Args:
-        pad: what to draw.
+        pad: what is seen.
         tile_m: side of the square that a texture covers.
         offset: (2,) where in the texture the pad's middle lies.
         count: points around, a multiple of 4.
-        seen: faces that are seen; the other is drawn coarsely.
+        seen: faces that are seen; the other is meshed coarsely.
     """
     rim = even_outline(pad.half_u, pad.half_v, pad.exponent, count)
-    rings = np.stack([_ring(pad, rim, *station) for station in _stations(pad, seen)])  # (R, count, 3)
+    half = np.array((pad.half_u, pad.half_v))
+    stations = _stations(pad, seen)
+    rings = np.stack([_at_height(rim * (scale * (1.0 - inset / half)), w) for scale, inset, w in stations])
     flat = rings.reshape(-1, 3)
     mesh = loft(pad.bend(flat).reshape(rings.shape))
     uvs = flat[:, :2] / tile_m + np.asarray(offset)
     return TriMesh(mesh.vertices, mesh.faces, uvs.astype(np.float32))
 
 
-def pad_hulls(pad: Pad, pieces: int, along: int = 1, count: int = 16) -> list[np.ndarray]:
-    """Corner points of convex pieces that cover the bent pad, cut into strips across u (0) or v (1)."""
-    rim = even_outline(pad.half_u, pad.half_v, pad.exponent, count)
+def pad_hulls(pad: Pad, pieces: int, along: int) -> list[np.ndarray]:
+    """Return corner points of convex pieces that cover the bent pad, cut into strips across u (0) or v (1)."""
+    rim = even_outline(pad.half_u, pad.half_v, pad.exponent, _COLLISION_POINTS)
     half = (pad.half_u, pad.half_v)[along]
     cuts = np.linspace(-half, half, pieces + 1)
     ends = [(low - _OVERLAP_M, high + _OVERLAP_M) for low, high in pairwise(cuts)]
@@ -81,9 +77,9 @@ def pad_hulls(pad: Pad, pieces: int, along: int = 1, count: int = 16) -> list[np
 
 
 def _strip_points(pad: Pad, rim: np.ndarray, along: int, cut: tuple[float, float]) -> np.ndarray:
-    """The corners of the hull of one strip, rounded to a micrometre."""
+    """Return the corners of the hull of one strip, rounded to a micrometre."""
     edge, half = _edge(pad), np.array((pad.half_u, pad.half_v))
-    strip = _subdivided(clip_outline(rim, along, *cut), 0.35 * float(half.min()))
+    strip = _subdivided(_clip_outline(rim, along, *cut), 0.35 * float(half.min()))
     bounds = _keep(along, *cut, float(half[along]))
     layers = []
     for inset, w in ((0.3 * edge, 0.0), (0.0, pad.thickness_m - edge), (0.6 * edge, pad.thickness_m - 0.1 * edge)):
@@ -102,7 +98,7 @@ def _at_height(ring: np.ndarray, w: float) -> np.ndarray:
 
 
 def _subdivided(outline: np.ndarray, longest_m: float) -> np.ndarray:
-    """An outline whose edges are no longer than that."""
+    """Return an outline whose edges are no longer than that."""
     points = []
     for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
         steps = max(int(np.ceil(norm(end - start) / longest_m)), 1)
@@ -111,7 +107,7 @@ def _subdivided(outline: np.ndarray, longest_m: float) -> np.ndarray:
 
 
 def rolled_mesh(pad: Pad, rolls: int, groove_m: float, tile_m: float) -> TriMesh:
-    """The pad's surface, its front sewn into rolls across u with grooves between them."""
+    """Return the pad's surface, its front sewn into rolls across u with grooves between them."""
     half_u, half_v, per_roll = pad.half_u, pad.half_v, 5
     shares = np.linspace(-1.0, 1.0, per_roll * rolls + 1)
     rings = []
@@ -129,13 +125,13 @@ def rolled_mesh(pad: Pad, rolls: int, groove_m: float, tile_m: float) -> TriMesh
 
 
 def hull_shape(points: np.ndarray, part: str) -> CollisionShape:
-    """A convex hull as a collision shape; its frame is parallel to the points', at their middle."""
+    """Return a convex hull as a collision shape; its frame is parallel to the points', at their middle."""
     centre = (points.min(axis=0) + points.max(axis=0)) / 2
     return CollisionShape("hull", (), centre, IDENTITY, points - centre, part)
 
 
 def even_outline(half_u: float, half_v: float, exponent: float, count: int) -> np.ndarray:
-    """A superellipse, its points evenly along its length and its turning, counter-clockwise. -> (count, 2)."""
+    """Return a superellipse, its points even along its length and turning, counter-clockwise. -> (count, 2)."""
     dense = superellipse(half_u, half_v, exponent, _DENSE)
     closed = np.concatenate((dense, dense[:1]))
     edges = np.diff(closed, axis=0)
@@ -148,8 +144,8 @@ def even_outline(half_u: float, half_v: float, exponent: float, count: int) -> n
     return np.stack([np.interp(at, length, closed[:, k]) for k in range(2)], axis=1)
 
 
-def clip_outline(outline: np.ndarray, axis: int, low: float, high: float) -> np.ndarray:
-    """The part of a convex outline (N, 2) between two values of a coordinate."""
+def _clip_outline(outline: np.ndarray, axis: int, low: float, high: float) -> np.ndarray:
+    """Return the part of a convex outline (N, 2) between two values of a coordinate."""
     points = outline
     for sign, limit in ((1.0, low), (-1.0, -high)):
         inside = sign * points[:, axis] >= limit - 1e-12
@@ -166,7 +162,7 @@ def clip_outline(outline: np.ndarray, axis: int, low: float, high: float) -> np.
 
 
 def _keep(along: int, low: float, high: float, half: float) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds that hold inset points within a strip whose inner cuts must not move."""
+    """Return bounds that hold inset points within a strip whose inner cuts must not move."""
     lower, upper = np.full(2, -np.inf), np.full(2, np.inf)
     if low > -half + 1e-9:
         lower[along] = low
@@ -180,7 +176,7 @@ def _edge(pad: Pad) -> float:
 
 
 def _stations(pad: Pad, seen: Faces) -> list[tuple[float, float, float]]:
-    """Scale, inset and w of the rings, from the middle of the rear face to the middle of the front one."""
+    """Return scale, inset and w of the rings, from the middle of the rear face to the middle of the front one."""
     front, rear = _edge(pad), _REAR_EDGE * _edge(pad)
     stations = [(scale, rear, 0.0) for scale in (_HIDDEN_RINGS if seen == "front" else _RINGS)]
     stations += [(1.0, rear, 0.0), (1.0, 0.0, rear)]
@@ -191,13 +187,8 @@ def _stations(pad: Pad, seen: Faces) -> list[tuple[float, float, float]]:
     return stations
 
 
-def _ring(pad: Pad, rim: np.ndarray, scale: float, inset: float, w: float) -> np.ndarray:
-    shrink = scale * (1.0 - inset / np.array((pad.half_u, pad.half_v)))
-    return _at_height(rim * shrink, w)
-
-
-def placed(pad: Pad, origin: Any, axes: Any) -> Pad:
-    """The pad in another frame.
+def moved_pad(pad: Pad, origin: Any, axes: Any) -> Pad:
+    """Return the pad in another frame.
 
     Args:
         pad: in its own frame.
@@ -213,6 +204,6 @@ def placed(pad: Pad, origin: Any, axes: Any) -> Pad:
     return Pad(pad.half_u, pad.half_v, pad.exponent, pad.thickness_m, pad.edge_m, pad.crown_m, bend)
 
 
-def strips(wrap_m: float, limit_m: Sequence[float] = (0.006, 0.016)) -> int:
-    """Into how many pieces a pad is cut whose sides come forward so far."""
-    return 1 if wrap_m < limit_m[0] else 3 if wrap_m < limit_m[1] else 5
+def strips(wrap_m: float) -> int:
+    """Return into how many pieces a pad is cut whose sides come forward so far."""
+    return 1 if wrap_m < _THREE_STRIPS_M else 3 if wrap_m < _FIVE_STRIPS_M else 5

@@ -1,21 +1,105 @@
-"""Bars and tubes along a path: what is drawn, and the capsules, boxes and prisms that cover it."""
+"""`LinkBuilder` adds visuals and collision shapes to a link: meshes, pads, and bars and tubes along paths."""
 
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from artiskill.assets.articulated_object import CollisionShape
-from artiskill.assets.chairs.pads import hull_shape
+from artiskill.assets.articulated_object import CollisionShape, Material
+from artiskill.assets.chairs.pads import Faces, Pad, hull_shape, pad_hulls, pad_mesh
+from artiskill.assets.chairs.spec import ChairAppearance
+from artiskill.assets.finishes import GRAIN_TILE_M, make_materials
+from artiskill.assets.parts import IDENTITY, LinkParts
 from artiskill.geometry.arrays import dot, matmul, norm
 from artiskill.geometry.meshes import TriMesh
 from artiskill.geometry.primitives import loft, superellipse, tube
-from artiskill.geometry.rotations import quat_from_matrix
+from artiskill.geometry.rotations import quat_from_matrix, quat_multiply, quat_rotate
 
+# Upholstery of chairs is woven finely: threads of 5 mm, as coarse as a picture from 1 m needs them to be seen.
+_TILES_M = {"fabric": 0.08}
+# Texture coordinates of a mesh without its own: a plane that no face of a chair stands square to.
+_PLANE = np.array(((0.94, 0.1), (0.1, 0.94), (0.3, 0.3)))
+_TEXTURE_PLACE = (0.37, 0.61)  # of a pad's middle
 _SQUARE = np.array(((-1, -1), (-1, 1), (1, 1), (1, -1)))
 _OCTAGON = 1.04 * np.stack((np.cos(np.arange(8) * np.pi / 4), np.sin(np.arange(8) * np.pi / 4)), axis=1)
 _NOSE_SHARE = 0.62  # size of a rounded end's last section
 _SAME_M = 0.001  # sections that differ less are one box or capsule
+
+
+@dataclass(frozen=True, eq=False)
+class TiledMaterial:
+    """A material, and the side of the square that its texture covers."""
+
+    material: Material
+    tile_m: float
+
+
+def make_tiled_materials(appearance: ChairAppearance) -> dict[str, TiledMaterial]:
+    """Build one material per field of an appearance, textures included; equal surfaces share one."""
+    return {
+        name: TiledMaterial(material, _TILES_M.get(getattr(appearance, name).finish, GRAIN_TILE_M))
+        for name, material in make_materials(appearance).items()
+    }
+
+
+class LinkBuilder:
+    """Adds to one link. Parts are given in the object frame, or in one of their own.
+
+    Surfaces are fields of `ChairAppearance`.
+    """
+
+    def __init__(self, parts: LinkParts, materials: dict[str, TiledMaterial]) -> None:
+        """Begin in the object frame."""
+        self._parts = parts
+        self.materials = materials
+        self._origin, self._rotation = parts.local((0.0, 0.0, 0.0)), IDENTITY
+
+    def in_frame(self, origin: np.ndarray, rotation: np.ndarray) -> "LinkBuilder":
+        """Return a builder whose parts are given in a frame with such origin and rotation in the object frame."""
+        moved = LinkBuilder(self._parts, self.materials)
+        moved._origin, moved._rotation = self._parts.local(origin), rotation
+        return moved
+
+    def add_visual(self, mesh: TriMesh, surface: str, part: str) -> None:
+        """Add a mesh; texture coordinates are made for it where its material needs them."""
+        tiled, uvs = self.materials[surface], mesh.uvs
+        if tiled.material.texture is None:
+            uvs = None
+        elif uvs is None:
+            uvs = (matmul(mesh.vertices, _PLANE) / tiled.tile_m).astype(np.float32)
+        moved = TriMesh(mesh.vertices, mesh.faces, uvs).transformed(self._origin, self._rotation)
+        self._parts.add_visual(moved, tiled.material, part)
+
+    def add_collision(self, *shapes: CollisionShape) -> None:
+        """Add collision shapes."""
+        for s in shapes:
+            position = self._origin + quat_rotate(self._rotation, np.asarray(s.position, dtype=float))
+            rotation = quat_multiply(self._rotation, s.quaternion)
+            self._parts.add_collision(CollisionShape(s.kind, s.size, position, rotation, s.vertices, s.part))
+
+    def add_bar_visual(
+        self, bar: "Beam | Tube", surface: str, part: str, fillet_m: float = 0.0, count: int = 8
+    ) -> None:
+        """Add a bar or a tube that nothing touches; its texture coordinates are in metres."""
+        mesh = bar.mesh(count, fillet_m)
+        if mesh.uvs is not None:
+            mesh = TriMesh(mesh.vertices, mesh.faces, mesh.uvs / np.float32(self.materials[surface].tile_m))
+        self.add_visual(mesh, surface, part)
+
+    def add_bar(self, bar: "Beam | Tube", surface: str, part: str, fillet_m: float = 0.0, count: int = 8) -> None:
+        """Add a bar or a tube with its collision shapes."""
+        self.add_bar_visual(bar, surface, part, fillet_m, count)
+        self.add_collision(*bar.shapes(part))
+
+    def add_pad_visual(self, pad: Pad, surface: str, part: str, count: int = 28, seen: Faces = "both") -> None:
+        """Add a pad that nothing touches; a face that is not seen is meshed coarsely."""
+        mesh = pad_mesh(pad, self.materials[surface].tile_m, _TEXTURE_PLACE, count, seen)
+        self.add_visual(mesh, surface, part)
+
+    def add_pad_collision(self, pad: Pad, part: str, pieces: int = 1, along: int = 1) -> None:
+        """Add the collision shapes of a pad."""
+        self.add_collision(*(hull_shape(points, part) for points in pad_hulls(pad, pieces, along)))
 
 
 class Beam:
@@ -45,7 +129,7 @@ class Beam:
         self.nose_m = nose_m
 
     def mesh(self, count: int = 8, fillet_m: float = 0.0, steps: int = 3) -> TriMesh:
-        """The drawn surface, corners of the path rounded with such a radius, nearly."""
+        """Return the visual surface, corners of the path rounded with such a radius, nearly."""
         path, width, height = _rounded(self.path, self.width, self.height, fillet_m, steps)
         if self.nose_m > 0:
             end = path[-1] + self.nose_m * (path[-1] - path[-2]) / norm(path[-1] - path[-2])
@@ -63,7 +147,7 @@ class Beam:
         return TriMesh(mesh.vertices, mesh.faces, np.concatenate(uvs).astype(np.float32))  # in metres
 
     def shapes(self, part: str) -> list[CollisionShape]:
-        """One convex shape for each straight piece."""
+        """Return one convex shape for each straight piece."""
         return [self._shape(i, part) for i in range(len(self.path) - 1)]
 
     def _shape(self, i: int, part: str) -> CollisionShape:
@@ -96,12 +180,12 @@ class Tube:
         self.radius_m = radius_m
 
     def mesh(self, count: int = 8, fillet_m: float = 0.0, steps: int = 4) -> TriMesh:
-        """The drawn surface, corners of the path rounded with such a radius, nearly."""
+        """Return the visual surface, corners of the path rounded with such a radius, nearly."""
         nothing = np.zeros(len(self.path))
         return tube(_rounded(self.path, nothing, nothing, fillet_m, steps)[0], self.radius_m, count)
 
     def shapes(self, part: str, chamfer_m: float = 0.0) -> list[CollisionShape]:
-        """A capsule for each straight piece, and for each corner that is cut off so far from its tip."""
+        """Return a capsule for each straight piece, and for each corner that is cut off so far from its tip."""
         found = []
         nothing = np.zeros(len(self.path))
         path = _rounded(self.path, nothing, nothing, chamfer_m, 1)[0]
@@ -115,7 +199,7 @@ class Tube:
 
 
 def loop_mesh(path: np.ndarray, radius_m: float, count: int = 8) -> TriMesh:
-    """A round tube along a closed path (P, 3), counter-clockwise about the direction of its own normal."""
+    """Return a round tube along a closed path (P, 3), counter-clockwise about the direction of its own normal."""
     after, before = np.roll(path, -1, axis=0), np.roll(path, 1, axis=0)
     tangents = after - before
     tangents /= norm(tangents)[:, None]
@@ -137,7 +221,7 @@ def loop_mesh(path: np.ndarray, radius_m: float, count: int = 8) -> TriMesh:
 
 
 def _axes(along: np.ndarray, lateral: np.ndarray) -> np.ndarray:
-    """Rows: lateral made square to the path, across both, along."""
+    """Return rows: lateral made square to the path, across both, along."""
     tangent = along / norm(along)
     side = lateral - tangent * dot(lateral, tangent)
     side = side / norm(side)
@@ -145,7 +229,7 @@ def _axes(along: np.ndarray, lateral: np.ndarray) -> np.ndarray:
 
 
 def _frame(path: np.ndarray, i: int, lateral: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Directions of width and height at a point of a path, and how much longer the mitred height is there."""
+    """Return the directions of width and height at a point of a path, and how much longer the mitred height is."""
     before = path[i] - path[max(i - 1, 0)]
     after = path[min(i + 1, len(path) - 1)] - path[i]
     before = before if i > 0 else after
@@ -158,7 +242,7 @@ def _frame(path: np.ndarray, i: int, lateral: np.ndarray) -> tuple[np.ndarray, n
 def _rounded(
     path: np.ndarray, width: np.ndarray, height: np.ndarray, radius_m: float, steps: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A path whose inner corners are quadratic curves that begin and end at most `radius_m` from them."""
+    """Return a path whose inner corners are quadratic curves that begin and end at most `radius_m` from them."""
     if radius_m <= 0 or len(path) < 3:
         return path, width, height
     rows = np.column_stack((path, width, height))
