@@ -20,7 +20,8 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.options import OBSERVATION_MODES
 from artiskill.errors import PolicyError
 from artiskill.evaluation.policies import load_policy
-from artiskill.experts.open_cabinet import OpenCabinetExpert, Phase
+from artiskill.experts.handle_grasp import CabinetPhase
+from artiskill.experts.open_cabinet import OpenCabinetExpert
 from artiskill.experts.registry import make_expert
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
@@ -77,7 +78,7 @@ def engage(env: ManipulationEnv, level: int, steps_on: int = 5) -> None:
         expert.reset(env.snapshot, env.goal)
         while steps_on:
             env.step(expert.act(env.snapshot, env.goal))
-            steps_on -= expert.phase is Phase.PULL
+            steps_on -= expert.phase is CabinetPhase.PULL
             assert env.save_state().elapsed < 200, "the expert never gripped the handle"
         return
     while steps_on:

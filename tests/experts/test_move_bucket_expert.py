@@ -8,9 +8,13 @@ import pytest
 from artiskill.assets.catalog import load_object
 from artiskill.config import CONFIG_DIR, load_config
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.experts.move_bucket import MoveBucketExpert, Phase
-from artiskill.experts.move_bucket_config import MoveBucketExpertConfig
-from artiskill.experts.move_bucket_press import PressConfig, choose_press
+from artiskill.experts.move_bucket import (
+    BucketPhase,
+    MoveBucketExpert,
+    MoveBucketExpertConfig,
+    PressConfig,
+    choose_press,
+)
 from artiskill.experts.variation import load_variation, varied
 from artiskill.experts.whole_body import WholeBodyConfig, WholeBodyController
 from artiskill.tasks.move_bucket import make_bucket_goal
@@ -132,12 +136,12 @@ def test_it_presses_lifts_and_carries_the_bucket_level(env: ManipulationEnv) -> 
         phases.append(expert.phase)
         _, _, terminated, truncated, info = env.step(action)
         tilts.append(float(np.arccos(min(1.0, env.snapshot.link_rotation_w[0, 0, 2, 2]))))
-        if expert.phase is Phase.CARRY:
+        if expert.phase is BucketPhase.CARRY:
             gaps.append(np.linalg.norm(np.diff(env.snapshot.tool_position_w[0], axis=0)))
         done = terminated or truncated
     assert info["success"]
     order = [p for i, p in enumerate(phases) if i == 0 or p is not phases[i - 1]]
-    assert order == [Phase.APPROACH, Phase.CLOSE, Phase.CARRY]
+    assert order == [BucketPhase.APPROACH, BucketPhase.CLOSE, BucketPhase.CARRY]
     assert max(tilts) < 0.1, "the bucket stays level"
     assert np.ptp(gaps) < 0.005, "the hands neither slip nor squeeze through the wall"
 
@@ -188,7 +192,7 @@ def test_hands_level_a_bucket_that_has_tilted(env: ManipulationEnv, config: Move
         carried = 0
         while carried < 40:
             action = expert.act(env.snapshot, env.goal)
-            carried += expert.phase is Phase.CARRY
+            carried += expert.phase is BucketPhase.CARRY
             if 2 < carried < 8:
                 action[0] = -0.5
             env.step(action)
@@ -198,8 +202,8 @@ def test_hands_level_a_bucket_that_has_tilted(env: ManipulationEnv, config: Move
 
 
 def with_hands(
-    expert: MoveBucketExpert, env: ManipulationEnv, gap_m: float, aside_m: float, phase: Phase
-) -> Phase:
+    expert: MoveBucketExpert, env: ManipulationEnv, gap_m: float, aside_m: float, phase: BucketPhase
+) -> BucketPhase:
     """The phase that follows, with fingertips so far from the wall and hands so far beside their line."""
     expert.reset(env.snapshot, env.goal)
     expert.phase, expert._axis = phase, expert._hand_axis(env.snapshot)
@@ -213,17 +217,22 @@ def with_hands(
 @pytest.mark.parametrize(
     ("gap_m", "aside_m", "phase", "after"),
     [
-        (0.0, 0.0, Phase.CLOSE, Phase.CLOSE),
-        (0.08, 0.0, Phase.CLOSE, Phase.CLOSE),
-        (0.0, 0.1, Phase.CLOSE, Phase.APPROACH),
-        (0.2, 0.0, Phase.CLOSE, Phase.APPROACH),
-        (0.0, 0.0, Phase.CARRY, Phase.CARRY),
-        (0.08, 0.0, Phase.CARRY, Phase.APPROACH),  # hands that press are never so far from the wall
-        (0.0, 0.1, Phase.CARRY, Phase.APPROACH),
+        (0.0, 0.0, BucketPhase.CLOSE, BucketPhase.CLOSE),
+        (0.08, 0.0, BucketPhase.CLOSE, BucketPhase.CLOSE),
+        (0.0, 0.1, BucketPhase.CLOSE, BucketPhase.APPROACH),
+        (0.2, 0.0, BucketPhase.CLOSE, BucketPhase.APPROACH),
+        (0.0, 0.0, BucketPhase.CARRY, BucketPhase.CARRY),
+        (
+            0.08,
+            0.0,
+            BucketPhase.CARRY,
+            BucketPhase.APPROACH,
+        ),  # hands that press are never so far from the wall
+        (0.0, 0.1, BucketPhase.CARRY, BucketPhase.APPROACH),
     ],
 )
 def test_a_lost_bucket_is_taken_again(
-    env: ManipulationEnv, gap_m: float, aside_m: float, phase: Phase, after: Phase
+    env: ManipulationEnv, gap_m: float, aside_m: float, phase: BucketPhase, after: BucketPhase
 ) -> None:
     assert with_hands(MoveBucketExpert(env.task.robot), env, gap_m, aside_m, phase) is after
 
@@ -231,7 +240,7 @@ def test_a_lost_bucket_is_taken_again(
 def test_only_steps_in_a_row_count_as_pressing(env: ManipulationEnv) -> None:
     expert = MoveBucketExpert(env.task.robot)
     expert.reset(env.snapshot, env.goal)
-    expert.phase = Phase.CLOSE
+    expert.phase = BucketPhase.CLOSE
     pressing = []
     for gap_m in (0.0, 0.0, 0.03, 0.0):
         tools = np.array([expert._frame(env.snapshot, arm, gap_m).position for arm in range(2)])[None]

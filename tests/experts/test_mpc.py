@@ -7,8 +7,7 @@ import pytest
 
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError, DivergedError
-from artiskill.experts.mpc import Planner, coloured_noise, load_mpc_config
-from artiskill.experts.solve import solve_level
+from artiskill.experts.mpc import Planner, coloured_noise, load_mpc_config, solve_level
 from artiskill.sim.states import SimulationState
 
 SMALL = {"samples": 12, "elites": 4, "iterations": 2, "horizon_steps": 5, "kept_elites": 2}

@@ -8,10 +8,10 @@ import pytest
 
 from artiskill.assets.catalog import list_objects
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.experts.door import door_of
+from artiskill.experts.door_opening import door_of
 from artiskill.experts.frames import Frame, rotation_error
-from artiskill.experts.grasp import usual_grasp
-from artiskill.experts.open_cabinet import OpenCabinetExpert, Phase
+from artiskill.experts.handle_grasp import CabinetPhase, default_grasp
+from artiskill.experts.open_cabinet import OpenCabinetExpert
 from artiskill.experts.whole_body import WholeBodyConfig, WholeBodyController, bounded_least_squares
 from artiskill.robots.arm_config import load_arm
 from artiskill.sim.snapshot import Snapshot
@@ -74,14 +74,20 @@ def test_it_grips_and_pulls_without_slipping(env: ManipulationEnv) -> None:
         action = expert.act(env.snapshot, env.goal)
         assert np.abs(action).max() <= 1
         phases.append(expert.phase)
-        if expert.phase is Phase.PULL:
-            grasp = usual_grasp().frame(env.snapshot, env.goal, 10)
+        if expert.phase is CabinetPhase.PULL:
+            grasp = default_grasp().frame(env.snapshot, env.goal, 10)
             gripped.append(grasp.position - env.snapshot.tool_position_w[0, 0])
         _, _, terminated, truncated, info = env.step(action)
         done = terminated or truncated
     assert info["success"]
     order = [p for i, p in enumerate(phases) if i == 0 or p is not phases[i - 1]]
-    assert order == [Phase.APPROACH, Phase.REACH, Phase.GRIP, Phase.PULL, Phase.HOLD]
+    assert order == [
+        CabinetPhase.APPROACH,
+        CabinetPhase.REACH,
+        CabinetPhase.GRIP,
+        CabinetPhase.PULL,
+        CabinetPhase.HOLD,
+    ]
     assert np.abs(np.array(gripped) - gripped[0]).max() < 0.005, "the handle stays between the fingers"
 
 
@@ -92,7 +98,7 @@ def test_it_takes_a_lost_grip_again(env: ManipulationEnv) -> None:
     disturbed = 0
     for _ in range(200):
         action = expert.act(env.snapshot, env.goal)
-        if expert.phase is Phase.PULL and disturbed < 8:
+        if expert.phase is CabinetPhase.PULL and disturbed < 8:
             action[11:], action[0] = 1.0, -1.0  # open the hand and back away
             disturbed += 1
         _, _, terminated, truncated, info = env.step(action)
@@ -116,7 +122,7 @@ def test_the_same_episode_gives_the_same_actions(env: ManipulationEnv) -> None:
     np.testing.assert_array_equal(actions(), actions())
 
 
-def in_order(phases: list[Phase]) -> list[Phase]:
+def in_order(phases: list[CabinetPhase]) -> list[CabinetPhase]:
     """Without repetitions."""
     return [p for i, p in enumerate(phases) if i == 0 or p is not phases[i - 1]]
 
@@ -137,7 +143,7 @@ def play(env: ManipulationEnv, level: int, disturb: Callable[[OpenCabinetExpert]
     return phases, info["success"]
 
 
-LET_GO = [Phase.RELEASE, Phase.AROUND, Phase.PUSH, Phase.HOLD]
+LET_GO = [CabinetPhase.RELEASE, CabinetPhase.AROUND, CabinetPhase.PUSH, CabinetPhase.HOLD]
 
 
 @pytest.mark.parametrize("object_id", ["cabinet-0006", "cabinet-0009"])  # 153 and 141 degrees
@@ -146,14 +152,20 @@ def test_it_pulls_a_door_ajar_and_pushes_it_on_from_inside(object_id: str, targe
     env = ManipulationEnv("OpenCabinetDoor", objects=object_id, target=target)
     phases, success = play(env, level=1)
     assert success
-    assert in_order(phases) == [Phase.APPROACH, Phase.REACH, Phase.GRIP, Phase.PULL, *LET_GO]
+    assert in_order(phases) == [
+        CabinetPhase.APPROACH,
+        CabinetPhase.REACH,
+        CabinetPhase.GRIP,
+        CabinetPhase.PULL,
+        *LET_GO,
+    ]
 
 
 def test_it_holds_a_flap_that_would_fall_shut() -> None:
     env = ManipulationEnv("OpenCabinetDoor", objects=hanging_flap())
     phases, success = play(env, level=0)
     assert success
-    assert not set(phases) & {Phase.RELEASE, Phase.AROUND, Phase.PUSH}
+    assert not set(phases) & {CabinetPhase.RELEASE, CabinetPhase.AROUND, CabinetPhase.PUSH}
 
 
 def hanging_flap() -> str:
@@ -172,14 +184,14 @@ def test_it_takes_a_door_again_that_falls_shut() -> None:
     shut = []
 
     def shut_it(expert: OpenCabinetExpert) -> None:
-        if expert.phase is Phase.AROUND and not shut:
+        if expert.phase is CabinetPhase.AROUND and not shut:
             shut.append(True)
             env.simulation._qpos[0, env.simulation.scene.index.object_qpos] = 0.0
 
     phases, success = play(env, 0, shut_it)
     assert shut
-    assert phases.count(Phase.GRIP) > 8, "it gripped twice"
-    assert success or phases[-1] is Phase.PUSH, "there may not be time enough left"
+    assert phases.count(CabinetPhase.GRIP) > 8, "it gripped twice"
+    assert success or phases[-1] is CabinetPhase.PUSH, "there may not be time enough left"
 
 
 def test_a_hand_that_cannot_reach_in_tries_again_nearer_to_level(env: ManipulationEnv) -> None:
@@ -188,9 +200,9 @@ def test_a_hand_that_cannot_reach_in_tries_again_nearer_to_level(env: Manipulati
     low = Frame(np.array((0.0, 0.0, 0.1)), np.array(((0.0, 0, 1), (-1, 0, 0), (0, -1, 0))))
     steep = expert._tilted(low).forward[2]
     assert steep < -0.3, "the hand comes down on what is low"
-    expert.phase, expert._steps_in_phase = Phase.REACH, expert.config.grip.patience_steps
+    expert.phase, expert._steps_in_phase = CabinetPhase.REACH, expert.config.grip.patience_steps
     expert.act(env.snapshot, env.goal)
-    assert expert.phase is Phase.APPROACH
+    assert expert.phase is CabinetPhase.APPROACH
     assert expert._tilted(low).forward[2] == pytest.approx(steep / 2)
     expert.reset(env.snapshot, env.goal)
     assert expert._tilted(low).forward[2] == steep
@@ -206,7 +218,7 @@ def test_another_try_is_the_usual_one(env: ManipulationEnv) -> None:
     before = expert._look(env.snapshot, env.goal).grasp
     tilts = []
     for _ in range(2):
-        expert.phase, expert._steps_in_phase = Phase.REACH, expert.config.grip.patience_steps
+        expert.phase, expert._steps_in_phase = CabinetPhase.REACH, expert.config.grip.patience_steps
         expert.act(env.snapshot, env.goal)
         tilts.append(expert._tilt)
     assert tilts == [1.0, 0.5]
@@ -234,7 +246,7 @@ def test_a_hand_that_goes_around_is_turned_about_where_that_spares_its_last_join
         expert = OpenCabinetExpert(env.task.robot)
         expert.reset(snapshot, env.goal)
         now = expert._look(snapshot, env.goal)
-        expert._enter(Phase.AROUND, now)
+        expert._enter(CabinetPhase.AROUND, now)
         relative = now.tool.rotation.T @ expert._pushing_hand(now.door)
         roll = np.arctan2(relative[1, 0], relative[0, 0])
         assert abs(angle + roll) <= abs(angle + roll - np.copysign(np.pi, roll)) + 1e-9
@@ -261,9 +273,9 @@ def test_a_grip_turns_against_the_door_only_for_what_it_turned_since() -> None:
     def turned_rad(angle: float) -> float:
         look = expert._look(opened(env, angle), env.goal)
         now = dataclasses.replace(look, tool=look.grasp)
-        if expert.phase is not Phase.PULL:
-            expert._enter(Phase.GRIP, now)
-            expert.phase = Phase.PULL
+        if expert.phase is not CabinetPhase.PULL:
+            expert._enter(CabinetPhase.GRIP, now)
+            expert.phase = CabinetPhase.PULL
         return float(np.linalg.norm(rotation_error(now.grasp.rotation, expert._motion(now).wanted.rotation)))
 
     assert turned_rad(0.3) == pytest.approx(0.0, abs=1e-6)
@@ -274,9 +286,9 @@ def test_what_is_open_is_held_by_a_robot_that_stands_still(env: ManipulationEnv)
     expert = OpenCabinetExpert(env.task.robot)
     expert.reset(env.snapshot, env.goal)
     snapshot = opened(env, float(env.goal.upper[0]))
-    expert._enter(Phase.HOLD, expert._look(snapshot, env.goal))
+    expert._enter(CabinetPhase.HOLD, expert._look(snapshot, env.goal))
     action = expert.act(snapshot, env.goal)
-    assert expert.phase is Phase.HOLD
+    assert expert.phase is CabinetPhase.HOLD
     np.testing.assert_allclose(action[:11], 0.0, atol=1e-9)
 
 

@@ -9,9 +9,8 @@ from artiskill.assets.catalog import list_objects, load_object
 from artiskill.config import CONFIG_DIR, load_config
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError
-from artiskill.experts.push_chair import Phase, PushChairExpert
-from artiskill.experts.push_chair_config import PushChairExpertConfig
-from artiskill.experts.push_chair_plan import LEFT, RIGHT, make_plan, steered
+from artiskill.experts.push_chair import ChairPhase, PushChairExpert
+from artiskill.experts.push_chair_plan import LEFT, RIGHT, PushChairExpertConfig, make_plan, steered
 from artiskill.experts.variation import load_variation, varied
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.grasp_candidates import graspable_columns
@@ -137,7 +136,14 @@ def test_it_brings_the_chair_home_upright(env: ManipulationEnv, name: str) -> No
         assert env.snapshot.link_rotation_w[0, 0, 2, 2] > np.cos(0.05 * np.pi), "it stands all the way"
     assert info["success"]
     order = [p for i, p in enumerate(phases) if i == 0 or p is not phases[i - 1]]
-    assert order == [Phase.CARRY, Phase.ALIGN, Phase.REACH, Phase.GRIP, Phase.DRIVE, Phase.HOLD]
+    assert order == [
+        ChairPhase.CARRY,
+        ChairPhase.ALIGN,
+        ChairPhase.REACH,
+        ChairPhase.GRIP,
+        ChairPhase.DRIVE,
+        ChairPhase.HOLD,
+    ]
 
 
 @pytest.mark.slow
@@ -149,10 +155,10 @@ def test_it_takes_a_lost_grip_again(env: ManipulationEnv) -> None:
     disturbed, regained = 0, False
     for _ in range(200):
         action = expert.act(env.snapshot, env.goal)
-        if expert.phase is Phase.DRIVE and disturbed < 8:
+        if expert.phase is ChairPhase.DRIVE and disturbed < 8:
             action[[11, 12, 20, 21]], action[0] = 1.0, -1.0
             disturbed += 1
-        regained |= disturbed == 8 and expert.phase is Phase.REACH
+        regained |= disturbed == 8 and expert.phase is ChairPhase.REACH
         _, _, terminated, truncated, info = env.step(action)
         if terminated or truncated:
             break
@@ -207,14 +213,14 @@ def test_a_hand_that_was_pushed_aside_goes_back_and_reaches_anew(
         action = expert.act(env.snapshot, env.goal)
         if expert.phase is not phases[-1]:
             phases.append(expert.phase)
-        reached += expert.phase is Phase.REACH
-        if expert.phase is Phase.REACH and reached > 5 and pushed < 8:
+        reached += expert.phase is ChairPhase.REACH
+        if expert.phase is ChairPhase.REACH and reached > 5 and pushed < 8:
             action[2] = -0.5  # the base turns
             pushed += 1
         _, _, terminated, truncated, info = env.step(action)
         done = terminated or truncated
     assert pushed
-    assert phases[3:6] == [Phase.RETREAT, Phase.CARRY, Phase.ALIGN]
+    assert phases[3:6] == [ChairPhase.RETREAT, ChairPhase.CARRY, ChairPhase.ALIGN]
     assert info["success"]
 
 
@@ -229,11 +235,11 @@ def test_it_gives_up_a_reach_in_vain_and_takes_the_usual_hold(
     held = 0
     for _ in range(120):
         action = expert.act(env.snapshot, env.goal)
-        if expert.phase is Phase.REACH:
+        if expert.phase is ChairPhase.REACH:
             action[:] = 0.0
             held += 1
         env.step(action)
-        if held and expert.phase is Phase.CARRY:
+        if held and expert.phase is ChairPhase.CARRY:
             break
     assert held == 25
     assert expert._plan is not None
@@ -270,14 +276,14 @@ def test_a_chair_that_is_held_may_stir_a_little(env: ManipulationEnv, config: Pu
     expert.reset(env.snapshot, env.goal)
     assert expert._plan is not None
 
-    def phase_at(distance_m: float) -> Phase:
+    def phase_at(distance_m: float) -> ChairPhase:
         snapshot = chair_at(env, distance_m, 0.0)
-        expert.phase = Phase.HOLD
+        expert.phase = ChairPhase.HOLD
         expert._advance_phase(snapshot, expert._aim(snapshot, expert._plan), expert._plan)
         return expert.phase
 
-    assert phase_at(0.5 * (config.stop_m + config.leave_m)) is Phase.HOLD
-    assert phase_at(1.1 * config.leave_m) is not Phase.HOLD
+    assert phase_at(0.5 * (config.stop_m + config.leave_m)) is ChairPhase.HOLD
+    assert phase_at(1.1 * config.leave_m) is not ChairPhase.HOLD
 
 
 def test_a_hand_that_pushes_alone_steers_towards_the_target(

@@ -4,7 +4,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from artiskill.experts.solve import Attempt
+    from artiskill.experts.mpc import SolveResult
 
 EXIT_UNSOLVED = 1
 
@@ -44,8 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     from artiskill.cli.parser import UsageError, overrides_of
     from artiskill.cli.progress import Progress
     from artiskill.envs.manipulation import ManipulationEnv
-    from artiskill.experts.mpc import load_mpc_config
-    from artiskill.experts.solve import solve_level
+    from artiskill.experts.mpc import load_mpc_config, solve_level
     from artiskill.jobs.parallel import available_cores
 
     config = load_mpc_config(overrides_of(arguments.set))
@@ -65,12 +64,12 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if all(attempt.solved for attempt in attempts) else EXIT_UNSOLVED
 
 
-def _line(a: "Attempt") -> str:
+def _line(a: "SolveResult") -> str:
     outcome = "solved in" if a.solved else "not solved after"
     return f"{a.object}, {a.target}, level {a.level}: {outcome} {a.steps} steps, {a.seconds:.0f} s"
 
 
-def _print(attempts: "list[Attempt]") -> None:
+def _print(attempts: "list[SolveResult]") -> None:
     from rich import box
     from rich.console import Console
     from rich.table import Table

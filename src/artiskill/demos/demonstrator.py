@@ -5,9 +5,8 @@ import numpy as np
 from artiskill.demos.config import load_demos_config
 from artiskill.demos.instants import rounded
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.experts.disturbance import Disturbance
 from artiskill.experts.registry import Expert, make_expert
-from artiskill.experts.variation import load_variation, varied
+from artiskill.experts.variation import Disturbance, load_variation, varied
 from artiskill.tasks.levels import RngStream, level_generator
 
 _MANNER, _PUSHES = 0, 1  # parts of the stream

@@ -51,7 +51,7 @@ def head_for(wanted: Frame, speed_m_s: float) -> Motion:
 
 
 def tool_frame(snapshot: Snapshot) -> Frame:
-    """Where the first arm's hand is (B = 1)."""
+    """Return where the first arm's hand is (B = 1)."""
     return Frame(snapshot.tool_position_w[0, 0], snapshot.tool_rotation_w[0, 0])
 
 
@@ -71,12 +71,12 @@ def rotation_error(current: np.ndarray, wanted: np.ndarray) -> np.ndarray:
 
 
 def limited(vector: np.ndarray, length: float) -> np.ndarray:
-    """The vector, shortened to a length if it is longer."""
+    """Return the vector, shortened to a length if it is longer."""
     return vector * min(1.0, length / max(float(np.linalg.norm(vector)), 1e-9))
 
 
 def curved(velocity: np.ndarray, angle_rad: float) -> np.ndarray:
-    """A velocity (2,) on the floor, turned aside; by at most 1.2 rad, for it must come nearer to its target."""
+    """Return a velocity on the floor, (2,), turned aside by at most 1.2 rad: it must come nearer to its target."""
     angle = min(max(angle_rad, -_MOST_ASIDE_RAD), _MOST_ASIDE_RAD)
     cos, sin = math.cos(angle), math.sin(angle)
     return np.array((cos * velocity[0] - sin * velocity[1], sin * velocity[0] + cos * velocity[1]))

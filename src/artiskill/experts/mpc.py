@@ -1,23 +1,27 @@
 """Model predictive control by the cross-entropy method, on the dense reward alone.
 
 It knows no strategy: what it finds, the reward asks for. So it shows that a task's reward leads to success on an
-object, and that the object can be solved at all. What it does beyond the plain method (coloured noise, elites and
-mean carried over from step to step) is after Pinneri et al., "Sample-efficient Cross-Entropy Method for Real-time
-Planning", CoRL 2020.
+object, and that the object can be solved at all: `solve_level` acts as it plans. What it does beyond the plain
+method (coloured noise, elites and mean carried over from step to step) is after Pinneri et al., "Sample-efficient
+Cross-Entropy Method for Real-time Planning", CoRL 2020.
 """
 
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from artiskill.config import CONFIG_DIR, check_positive, check_value, load_config
-from artiskill.envs.control import ActionScale
-from artiskill.errors import DivergedError
+from artiskill.envs.control import JOINT, ActionScale
+from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.errors import ConfigError, DivergedError, shown
 from artiskill.scene.scene import Scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import SimulationState
+from artiskill.tasks.levels import RngStream, level_generator
 from artiskill.tasks.task import Goal, Task, stack_goals
 
 CONFIG_PATH = CONFIG_DIR / "experts" / "mpc.yaml"
@@ -26,33 +30,19 @@ _MOST_EXPONENT = 10.0  # noise of a greater one is a constant
 
 @dataclass(frozen=True)
 class MpcConfig:
-    """Values of the planner.
+    """Values of the planner."""
 
-    Attributes:
-        samples: action sequences tried per iteration.
-        elites: the best of them, which the next iteration's mean and spread come from.
-        iterations: per plan.
-        horizon_steps: environment steps looked ahead.
-        kept_elites: best sequences that are tried again in the next iteration, and, shifted, in the next plan.
-        noise_exponent: power spectrum of the noise along time, 1 / f**exponent; 0 is white.
-        start_std: spread of each plan's first iteration, of actions in [-1, 1].
-        least_std: the spread never falls below.
-        momentum: share of the old mean and spread that stays.
-        discount: of rewards, per step.
-        act_steps: environment steps acted per plan.
-    """
-
-    samples: int
-    elites: int
-    iterations: int
-    horizon_steps: int
-    kept_elites: int
-    noise_exponent: float
-    start_std: float
-    least_std: float
-    momentum: float
-    discount: float
-    act_steps: int
+    samples: int  # action sequences tried per iteration
+    elites: int  # the best of them, which the next iteration's mean and spread come from
+    iterations: int  # per plan
+    horizon_steps: int  # environment steps looked ahead
+    kept_elites: int  # best sequences that are tried again in the next iteration, and, shifted, in the next plan
+    noise_exponent: float  # power spectrum of the noise along time, 1 / f**exponent; 0 is white
+    start_std: float  # spread of each plan's first iteration, of actions in [-1, 1]
+    least_std: float  # the spread never falls below
+    momentum: float  # share of the old mean and spread that stays
+    discount: float  # of rewards, per step
+    act_steps: int  # environment steps acted per plan
 
     def __post_init__(self) -> None:
         check_positive(
@@ -68,8 +58,71 @@ class MpcConfig:
 
 
 def load_mpc_config(overrides: dict[str, Any] | None = None) -> MpcConfig:
-    """The values of `configs/experts/mpc.yaml`, some of them changed."""
+    """Return the values of `configs/experts/mpc.yaml`, some of them changed."""
     return load_config(MpcConfig, CONFIG_PATH, overrides)
+
+
+@dataclass(frozen=True)
+class SolveResult:
+    """What came of a level.
+
+    Attributes:
+        object: id.
+        target: link.
+        level: see `ManipulationEnv`.
+        solved: whether the task was.
+        steps: environment steps until then, or until the episode's end.
+        reward: sum of the dense rewards.
+        seconds: that planning and acting took.
+        actions: (steps, A) float32, which solve the level again when they are repeated.
+    """
+
+    object: str
+    target: str
+    level: int
+    solved: bool
+    steps: int
+    reward: float
+    seconds: float
+    actions: np.ndarray
+
+
+def solve_level(
+    env: ManipulationEnv,
+    level: int,
+    config: MpcConfig,
+    num_threads: int = 1,
+    on_step: Callable[[int, float], None] | None = None,
+) -> SolveResult:
+    """Plan and act until the level is solved or its episode over; the same for any number of threads.
+
+    Args:
+        env: with joint control and dense reward.
+        level: to solve.
+        config: of the planner.
+        num_threads: that simulate.
+        on_step: told steps and reward after each step.
+
+    Raises:
+        ConfigError: another control mode, or a level that is no integer in range.
+    """
+    if env.control.mode != JOINT:
+        raise ConfigError(f"planning needs control_mode={JOINT!r}, not {shown(env.control.mode)}")
+    start = time.perf_counter()
+    _, info = env.reset(options={"level": level})
+    rng = level_generator(level, RngStream.PLANNING)
+    planner = Planner(env.task, env.scene, env.goal, env.control.joint_scale, config, rng, num_threads)
+    total, done, terminated, actions = 0.0, False, False, []
+    while not done:
+        action = planner.act(env.save_state().simulation).astype(np.float32)
+        _, reward, terminated, truncated, _ = env.step(action)
+        actions.append(action)
+        total, done = total + float(reward), terminated or truncated
+        if on_step is not None:
+            on_step(len(actions), float(reward))
+    seconds = time.perf_counter() - start
+    target, object_id = info["target"], info["object"]
+    return SolveResult(object_id, target, level, terminated, len(actions), total, seconds, np.stack(actions))
 
 
 class Planner:
@@ -104,7 +157,7 @@ class Planner:
         self._left: list[np.ndarray] = []
 
     def act(self, state: SimulationState) -> np.ndarray:
-        """The next action, (A,), at an instant with B = 1."""
+        """Return the next action, (A,), at an instant with B = 1."""
         if not self._left:
             best = self.plan(state)
             self._left = list(best[: self._config.act_steps])
@@ -112,7 +165,7 @@ class Planner:
         return self._left.pop(0)
 
     def plan(self, state: SimulationState) -> np.ndarray:
-        """The best action sequence found, (H, A), from an instant with B = 1."""
+        """Return the best action sequence found, (H, A), from an instant with B = 1."""
         config = self._config
         mean, std = self._mean, np.full(self._mean.shape, config.start_std)
         best, best_value = mean, -np.inf
@@ -142,7 +195,7 @@ class Planner:
         return candidates
 
     def _values(self, state: SimulationState, actions: np.ndarray) -> np.ndarray:
-        """(N,) discounted rewards of action sequences (N, H, A) from a state; -inf where the physics diverges."""
+        """Return discounted rewards of action sequences (N, H, A) from a state, (N,); -inf where they diverge."""
         self._simulation.broadcast_state(state)
         targets, rewards, diverged = self._scale.to_targets(actions), [], set[int]()
         for k in range(actions.shape[1]):
@@ -157,12 +210,11 @@ class Planner:
         return values
 
     def _reward(self, snapshot: Snapshot) -> np.ndarray:
-        """(N,) dense rewards."""
-        flags = self._task.flags(snapshot, self._goal)
-        return self._task.dense_reward(self._task.reward_terms(snapshot, self._goal, flags))
+        """Return dense rewards, (N,)."""
+        return self._task.dense_reward(self._task.evaluate(snapshot, self._goal).reward_terms)
 
     def _shift(self, steps: int) -> None:
-        """The plan goes on from the next instant; its last action is repeated."""
+        """Return the plan goes on from the next instant; its last action is repeated."""
         self._mean = _shifted(self._mean[None], steps)[0]
         self._kept = _shifted(self._kept, steps)
 

@@ -1,6 +1,6 @@
 """The expert of PushChair: grip the chair low, by its column or by two legs, and carry it along with the base.
 
-A hand that has closed around an upright post can push, pull, steer and brake, whatever stands on the post. A chair
+A hand that has closed around an upright column can push, pull, steer and brake, whatever stands on it. A chair
 on casters follows, one that slides too; the pull is low, so that nothing tips. The other hand stays near.
 """
 
@@ -12,9 +12,16 @@ import numpy as np
 
 from artiskill.config import CONFIG_DIR, load_config
 from artiskill.experts.frames import Frame, curved, limited, rotation_error, yaw_rotation
-from artiskill.experts.push_chair_config import PushChairExpertConfig
-from artiskill.experts.push_chair_hands import back_to_world, hand_rotation, seen_from_base
-from artiskill.experts.push_chair_plan import RIGHT, GripPlan, make_plan, steered
+from artiskill.experts.push_chair_plan import (
+    RIGHT,
+    GripPlan,
+    PushChairExpertConfig,
+    hand_rotation,
+    make_plan,
+    steered,
+    to_base_frame,
+    to_world_frame,
+)
 from artiskill.experts.whole_body import TRUNK, WholeBodyController
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
@@ -27,7 +34,7 @@ _MIRROR = np.array((-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0))
 _HALF_TURN = np.array((0.0,) * 6 + (math.pi / 2,))
 
 
-class Phase(Enum):
+class ChairPhase(Enum):
     """What the robot is doing."""
 
     CARRY = "carry"  # drives to its side of the chair, the hands low and apart
@@ -57,7 +64,7 @@ class _Aim:
 
 
 class PushChairExpert:
-    """Takes a chair to its target by a grip on its posts.
+    """Takes a chair to its target by a grip on its columns.
 
     Args:
         robot: who acts; it has two arms.
@@ -70,7 +77,7 @@ class PushChairExpert:
         right = np.asarray(self.config.arm_rad)
         self._arms = np.concatenate((right, _MIRROR * right - _HALF_TURN))
         self._open = float(2 * self.controller.scale.half_range[-1])
-        self.phase = Phase.CARRY
+        self.phase = ChairPhase.CARRY
         self._steps_in_phase = 0
         self._velocity = np.zeros(2)
         self._held: list[Frame] = []
@@ -78,14 +85,14 @@ class PushChairExpert:
 
     def reset(self, snapshot: Snapshot, goal: ChairGoal) -> None:
         """Begin an episode at its first state (B = 1)."""
-        self.phase, self._steps_in_phase = Phase.CARRY, 0
+        self.phase, self._steps_in_phase = ChairPhase.CARRY, 0
         self._velocity = np.zeros(2)
         self._plan = make_plan(snapshot, goal, self.config)
 
     def act(self, snapshot: Snapshot, goal: ChairGoal) -> np.ndarray:
-        """The next action, (R,) in [-1, 1]."""
+        """Return the next action, (R,) in [-1, 1]."""
         assert self._plan is not None
-        if self.phase is Phase.DRIVE and self._steers:
+        if self.phase is ChairPhase.DRIVE and self._steers:
             self._plan = steered(self._plan, snapshot, self.config)
         aim = self._aim(snapshot, self._plan)
         self._advance_phase(snapshot, aim, self._plan)
@@ -94,36 +101,34 @@ class PushChairExpert:
         trunk = self._trunk_velocity(snapshot, aim)
         twists = np.stack([self._twist(snapshot, aim, hand, trunk) for hand in range(_ARMS)])
         gain = self.config.arm_gain_s if len(self._hands) == 1 else self.config.pair_arm_gain_s
-        if self.phase in (Phase.DRIVE, Phase.HOLD):
+        if self.phase in (ChairPhase.DRIVE, ChairPhase.HOLD):
             gain = 0.0
         arms = gain * (self._arms - self.controller.qpos(snapshot)[TRUNK:])
         qvel = self.controller.joint_velocities(snapshot, twists, np.concatenate((trunk, arms)))
         return self.controller.to_action(snapshot, qvel, self._fingers(snapshot))
 
     def _fingers(self, snapshot: Snapshot) -> np.ndarray:
-        """(2, 2) positions that the fingers of both hands are asked for."""
+        """Return positions that the fingers of both hands are asked for, (2, 2)."""
         fingers, hands = np.full((_ARMS, 2), self._open), list(self._hands)
-        if self.phase is Phase.GRIP:
+        if self.phase is ChairPhase.GRIP:
             fingers[hands] = self.controller.closing_m(snapshot, self.config.close_speed_m_s)[hands]
-        elif self.phase in (Phase.DRIVE, Phase.HOLD):
+        elif self.phase in (ChairPhase.DRIVE, ChairPhase.HOLD):
             fingers[hands] = 0.0
         return fingers
 
     def _is_in_vain(self, snapshot: Snapshot, aim: _Aim) -> bool:
-        """Whether it has been reaching for long, or is back from where a hand strayed to."""
-        if self.phase not in (Phase.REACH, Phase.RETREAT):
+        """Return whether it has been reaching for long, or is back from where a hand strayed to."""
+        if self.phase not in (ChairPhase.REACH, ChairPhase.RETREAT):
             return False
         nearest = min(float(self._gap(snapshot, aim, hand)[2]) for hand in self._hands)
-        is_back = self.phase is Phase.RETREAT and nearest > self.config.standoff_m
+        is_back = self.phase is ChairPhase.RETREAT and nearest > self.config.standoff_m
         return is_back or self._steps_in_phase >= self.config.reach_steps
 
     def _try_anew(self, snapshot: Snapshot, goal: ChairGoal) -> _Aim:
         """Something is in the way: begin again where it is now, with the usual hold of that side."""
-        self.phase, self._steps_in_phase = Phase.CARRY, 0
+        self.phase, self._steps_in_phase = ChairPhase.CARRY, 0
         self._plan = make_plan(snapshot, goal, replace(self.config, oblique_rad=0.0, grip_height_share=0.0))
         return self._aim(snapshot, self._plan)
-
-    # -- deciding ------------------------------------------------------------------------------------------------
 
     def _aim(self, snapshot: Snapshot, plan: GripPlan) -> _Aim:
         rotation, position = snapshot.link_rotation_w[0, 0], snapshot.link_position_w[0, 0]
@@ -150,27 +155,29 @@ class PushChairExpert:
         turns = [self._turn(snapshot, aim, hand) for hand in plan.hands]
         aside = max(float(np.abs(gap[1])) for gap in gaps)
         ahead = max(float(np.abs(gap[2])) for gap in gaps)
-        if before is Phase.CARRY:
-            self.phase = Phase.ALIGN if self._carried(snapshot, aim) else before
-        elif before is Phase.ALIGN:
+        if before is ChairPhase.CARRY:
+            self.phase = ChairPhase.ALIGN if self._carried(snapshot, aim) else before
+        elif before is ChairPhase.ALIGN:
             patience = 1 + self._steps_in_phase / config.patience_steps
             away = max(float(np.linalg.norm(gap - (0, 0, config.standoff_m))) for gap in gaps)
             ready = away < patience * config.aligned_m and max(turns) < patience * config.aligned_rad
-            self.phase = Phase.REACH if ready else before
-        elif before is Phase.REACH and ahead < config.grip_m and aside < config.grip_m:
-            self.phase = Phase.GRIP
-        elif before is Phase.REACH and aside > config.stray_m:
-            self.phase = Phase.RETREAT
-        elif before is Phase.GRIP and self._steps_in_phase >= config.grip_steps:
-            self.phase = Phase.DRIVE
-            self._held = [seen_from_base(snapshot, hand) for hand in range(_ARMS)]
-        elif before in (Phase.DRIVE, Phase.HOLD):
+            self.phase = ChairPhase.REACH if ready else before
+        elif before is ChairPhase.REACH and ahead < config.grip_m and aside < config.grip_m:
+            self.phase = ChairPhase.GRIP
+        elif before is ChairPhase.REACH and aside > config.stray_m:
+            self.phase = ChairPhase.RETREAT
+        elif before is ChairPhase.GRIP and self._steps_in_phase >= config.grip_steps:
+            self.phase = ChairPhase.DRIVE
+            self._held = [to_base_frame(snapshot, hand) for hand in range(_ARMS)]
+        elif before in (ChairPhase.DRIVE, ChairPhase.HOLD):
             away = float(np.linalg.norm(snapshot.link_position_w[0, 0, :2]))
             self.phase = (
-                Phase.HOLD if away < (config.stop_m if before is Phase.DRIVE else config.leave_m) else Phase.DRIVE
+                ChairPhase.HOLD
+                if away < (config.stop_m if before is ChairPhase.DRIVE else config.leave_m)
+                else ChairPhase.DRIVE
             )
-            if max(aside, ahead) > config.slip_m and self.phase is Phase.DRIVE:
-                self.phase, self._velocity = Phase.ALIGN, np.zeros(2)
+            if max(aside, ahead) > config.slip_m and self.phase is ChairPhase.DRIVE:
+                self.phase, self._velocity = ChairPhase.ALIGN, np.zeros(2)
         self._steps_in_phase = self._steps_in_phase + 1 if self.phase is before else 0
 
     def _carried(self, snapshot: Snapshot, aim: _Aim) -> bool:
@@ -182,7 +189,7 @@ class PushChairExpert:
 
     @staticmethod
     def _gap(snapshot: Snapshot, aim: _Aim, hand: int) -> np.ndarray:
-        """(3,) from the hand to its grip, in the axes of the grip."""
+        """Return (3,): from the hand to its grip, in the axes of the grip."""
         grip = aim.hands[hand]
         return grip.rotation.T @ (grip.position - snapshot.tool_position_w[0, hand])
 
@@ -191,29 +198,27 @@ class PushChairExpert:
         wanted = aim.hands[hand].rotation
         return float(np.linalg.norm(rotation_error(snapshot.tool_rotation_w[0, hand], wanted)))
 
-    # -- moving --------------------------------------------------------------------------------------------------
-
     def _trunk_velocity(self, snapshot: Snapshot, aim: _Aim) -> np.ndarray:
         """Preferred velocities of base x, y, yaw and the lift, (4,)."""
         config, qpos = self.config, snapshot.robot_qpos[0, :TRUNK]
-        place = self._way_around(snapshot, aim) if self.phase is Phase.CARRY else aim.base_xy
+        place = self._way_around(snapshot, aim) if self.phase is ChairPhase.CARRY else aim.base_xy
         turn = math.remainder(self._facing(snapshot, aim) - qpos[2], math.tau)
         height = max(0.0, max(float(h.position[2]) for h in aim.hands) - config.shoulder_above_m)
         speed = self.controller.scale.half_range[:TRUNK]
-        if self.phase is Phase.HOLD:
+        if self.phase is ChairPhase.HOLD:
             return np.concatenate((self._drive(snapshot), np.zeros(2)))
         velocity = limited(config.posture_gain_s * (place - qpos[:2]), config.base_speed_share * float(speed[0]))
         rest = np.clip(config.posture_gain_s * np.array((turn, height - qpos[3])), -speed[2:], speed[2:])
-        if self.phase is Phase.DRIVE:
+        if self.phase is ChairPhase.DRIVE:
             velocity = self._drive(snapshot)
-            if self._steers:  # around the post, for the hand keeps its place
+            if self._steers:  # around the column, for the hand keeps its place
                 x, y = qpos[:2] - aim.hands[self._hands[0]].position[:2]
                 velocity = velocity + rest[0] * np.array((-y, x))
         return np.concatenate((velocity, rest))
 
     def _facing(self, snapshot: Snapshot, aim: _Aim) -> float:
-        """Where the base faces: as in its place, but while it goes around not too far away from the chair."""
-        if self.phase is not Phase.CARRY:
+        """Return where the base faces: as in its place; on the way around, not too far away from the chair."""
+        if self.phase is not ChairPhase.CARRY:
             return aim.heading_rad
         way = aim.center_xy - snapshot.robot_qpos[0, :2]
         toward, most = math.atan2(way[1], way[0]), self.config.around_face_rad
@@ -221,7 +226,7 @@ class PushChairExpert:
         return aim.heading_rad if abs(away) <= most else toward + math.copysign(most, away)
 
     def _way_around(self, snapshot: Snapshot, aim: _Aim) -> np.ndarray:
-        """(2,) where the base drives next: on a circle around the chair until it is on its side."""
+        """Return (2,): where the base drives next: on a circle around the chair until it is on its side."""
         here, there = snapshot.robot_qpos[0, :2] - aim.center_xy, aim.base_xy - aim.center_xy
         angle = math.atan2(here[1], here[0])
         left = math.remainder(math.atan2(there[1], there[0]) - angle, math.tau)
@@ -231,34 +236,34 @@ class PushChairExpert:
         return aim.center_xy + self.config.around_distance_m * np.array((math.cos(angle), math.sin(angle)))
 
     def _drive(self, snapshot: Snapshot) -> np.ndarray:
-        """(2,) the chair's velocity: towards the target, slower near it."""
+        """Return (2,): the chair's velocity: towards the target, slower near it."""
         config, step = self.config, self.config.drive_acceleration_m_s2 * snapshot.step_s
         chair = snapshot.link_position_w[0, 0, :2]
         wanted = limited(-config.drive_gain_s * chair, config.drive_speed_m_s)
         wanted = curved(wanted, config.curve_rad_m * float(np.linalg.norm(chair)))
-        if self.phase is Phase.HOLD:
+        if self.phase is ChairPhase.HOLD:
             wanted = np.zeros(2)
         self._velocity = self._velocity + limited(wanted - self._velocity, step)
         return self._velocity
 
     def _twist(self, snapshot: Snapshot, aim: _Aim, hand: int, trunk: np.ndarray) -> np.ndarray:
-        """(6,) the hand's velocity in this phase."""
+        """Return the hand's velocity in this phase, (6,)."""
         config, tool = self.config, Frame(snapshot.tool_position_w[0, hand], snapshot.tool_rotation_w[0, hand])
         wanted, speed = aim.hands[hand], config.hand_speed_m_s
         feed = np.zeros(3)
-        if self.phase is Phase.CARRY:
+        if self.phase is ChairPhase.CARRY:
             wanted = self._carry_frame(snapshot, aim, hand)
             feed = np.append(trunk[:2], 0.0)
-        elif self.phase is Phase.ALIGN or hand not in self._hands:
+        elif self.phase is ChairPhase.ALIGN or hand not in self._hands:
             away = config.standoff_m if hand in self._hands else config.idle_m
             wanted = Frame(wanted.position - away * wanted.forward, wanted.rotation)
-        elif self.phase is Phase.REACH:
+        elif self.phase is ChairPhase.REACH:
             speed = config.reach_speed_m_s
-        elif self.phase is Phase.RETREAT:
+        elif self.phase is ChairPhase.RETREAT:
             wanted = Frame(tool.position - config.standoff_m * tool.forward, wanted.rotation)
-        if self.phase in (Phase.DRIVE, Phase.HOLD):
+        if self.phase in (ChairPhase.DRIVE, ChairPhase.HOLD):
             feed = np.append(self._velocity, 0.0)
-            wanted = back_to_world(snapshot, self._held[hand])
+            wanted = to_world_frame(snapshot, self._held[hand])
         linear = feed + limited(config.position_gain_s * (wanted.position - tool.position), speed)
         turn = config.rotation_gain_s * rotation_error(tool.rotation, wanted.rotation)
         return np.concatenate((linear, limited(turn, config.turn_speed_rad_s)))

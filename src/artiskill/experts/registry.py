@@ -26,7 +26,7 @@ class Expert(Protocol):
         """Begin an episode at its first state (B = 1)."""
 
     def act(self, snapshot: Snapshot, goal: Any) -> np.ndarray:
-        """The next action, (R,) in [-1, 1], of the control mode `joint`."""
+        """Return the next action, (R,) in [-1, 1], of the control mode `joint`."""
 
 
 _EXPERTS: Mapping[str, Callable[[RobotConfig, Any], Expert]] = {
@@ -38,7 +38,7 @@ _EXPERTS: Mapping[str, Callable[[RobotConfig, Any], Expert]] = {
 
 
 def make_expert(task: str, robot: RobotConfig, config: Any = None) -> Expert:
-    """The expert of a task.
+    """Return the expert of a task.
 
     Args:
         task: its name.

@@ -22,23 +22,15 @@ _SLIDES = [0, 1, 3]
 
 @dataclass(frozen=True)
 class WholeBodyConfig:
-    """Weights of the least-squares problem.
+    """Weights of the least-squares problem."""
 
-    Attributes:
-        rotation_weight_m: how many metres of position error a radian of orientation error is worth.
-        base_damping: cost of a base velocity that differs from the posture's, relative to the hand's error.
-        yaw_damping: likewise, of its yaw rate.
-        lift_damping: likewise.
-        arm_damping: likewise, of each arm joint.
-        limit_margin_rad: arm joints stay this far inside their limits.
-    """
-
-    rotation_weight_m: float = 0.3
+    rotation_weight_m: float = 0.3  # how many metres of position error a radian of orientation error is worth
+    # cost of a base velocity that differs from the posture's, relative to the hand's error
     base_damping: float = 0.12
-    yaw_damping: float = 0.12
-    lift_damping: float = 0.12
-    arm_damping: float = 0.06
-    limit_margin_rad: float = 0.03
+    yaw_damping: float = 0.12  # likewise, of its yaw rate
+    lift_damping: float = 0.12  # likewise
+    arm_damping: float = 0.06  # likewise, of each arm joint
+    limit_margin_rad: float = 0.03  # arm joints stay this far inside their limits
 
     def __post_init__(self) -> None:
         check_positive(self, "rotation_weight_m", "base_damping", "yaw_damping", "lift_damping", "arm_damping")
@@ -81,7 +73,7 @@ class WholeBodyController:
         self._drive_damping = robot.drives.arm_damping
 
     def qpos(self, snapshot: Snapshot) -> np.ndarray:
-        """Where the n joints are (B = 1), (n,)."""
+        """Return where the n joints are (B = 1), (n,)."""
         found: np.ndarray = snapshot.robot_qpos[0, self.columns]
         return found
 
@@ -105,7 +97,7 @@ class WholeBodyController:
         return bounded_least_squares(matrix, target, np.minimum(lower, 0.0), np.maximum(upper, 0.0))
 
     def pushing_velocities(self, snapshot: Snapshot, forces_w: np.ndarray) -> np.ndarray:
-        """What to add to joint velocities so that hands that are held up push with given forces.
+        """Return what to add to joint velocities so that hands that are held up push with given forces.
 
         A drive's torque is its damping times the velocity that is missing; so the arms' joints are asked for J' F
         over the damping more. Forces that cancel leave the trunk alone.
@@ -123,7 +115,7 @@ class WholeBodyController:
         return push
 
     def to_action(self, snapshot: Snapshot, qvel: np.ndarray, finger_position_m: np.ndarray) -> np.ndarray:
-        """The action that asks for joint velocities and finger positions.
+        """Return the action that asks for joint velocities and finger positions.
 
         Args:
             snapshot: one environment.
@@ -142,7 +134,7 @@ class WholeBodyController:
         return self.scale.to_actions(targets)
 
     def closing_m(self, snapshot: Snapshot, speed_m_s: float) -> np.ndarray:
-        """(A, 2) positions to ask the fingers for that close at this speed, each from where it is (B = 1)."""
+        """Return positions to ask the fingers for that close them at this speed, (A, 2), with B = 1."""
         fingers = snapshot.robot_qpos[0, self._finger_columns]
         return np.maximum(fingers - speed_m_s * snapshot.step_s, 0.0)
 

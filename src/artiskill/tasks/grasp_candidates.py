@@ -88,7 +88,7 @@ class _Solid:
         return float(self.center[2] - self.half[2]), float(self.center[2] + self.half[2])
 
     def at(self, height: float) -> np.ndarray:
-        """(3,) the point of its axis at a height."""
+        """Return the point of its axis at a height, (3,)."""
         return self.center + self.axis * ((height - self.center[2]) / self.axis[2])
 
 

@@ -27,7 +27,7 @@ class RngStream(IntEnum):
 
 
 def level_generator(level: int, stream: RngStream, *part: int, of: Sequence[str] = ()) -> np.random.Generator:
-    """The generator of one stream of a level.
+    """Return the generator of one stream of a level.
 
     Args:
         level: of the episode.
@@ -41,7 +41,7 @@ def level_generator(level: int, stream: RngStream, *part: int, of: Sequence[str]
 
 
 def check_level(level: object) -> int:
-    """The level as an int.
+    """Return the level as an int.
 
     Raises:
         ConfigError: not an integer in [0, 2**31 - 1].

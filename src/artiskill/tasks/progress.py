@@ -25,7 +25,7 @@ class EpisodeProgress:
         self.streaks = np.zeros((num_envs, len(self.flag_names)), dtype=np.int64)
 
     def restart(self, envs: Sequence[int] | None = None) -> None:
-        """A new episode everywhere, or in some environments."""
+        """Return a new episode everywhere, or in some environments."""
         rows = slice(None) if envs is None else envs
         self.elapsed[rows] = 0
         self.streaks[rows] = 0

@@ -9,9 +9,9 @@ from artiskill.config import CONFIG_DIR, load_config
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError
 from artiskill.experts import door_opening
-from artiskill.experts.door import Door, door_of
+from artiskill.experts.door_opening import Door, door_of
 from artiskill.experts.frames import Frame, axis_rotation, rotation_error
-from artiskill.experts.grip import Phase
+from artiskill.experts.handle_grasp import CabinetPhase
 from artiskill.experts.open_cabinet import OpenCabinetExpertConfig
 
 CONFIG = load_config(OpenCabinetExpertConfig, CONFIG_DIR / "experts" / "open_cabinet.yaml").door
@@ -82,9 +82,9 @@ def test_the_way_around_the_edge_stays_clear_of_the_door() -> None:
         step = motion.wanted.position - tool.position
         tool = Frame(tool.position + 0.01 * step / max(np.linalg.norm(step), 1e-9), tool.rotation)
         way.append(door.coordinates(tool.position))
-        if door_opening.next_phase(Phase.AROUND, 0, door, tool, CONFIG) is Phase.PUSH:
+        if door_opening.next_phase(CabinetPhase.AROUND, 0, door, tool, CONFIG) is CabinetPhase.PUSH:
             break
-    assert door_opening.next_phase(Phase.AROUND, 0, door, tool, CONFIG) is Phase.PUSH
+    assert door_opening.next_phase(CabinetPhase.AROUND, 0, door, tool, CONFIG) is CabinetPhase.PUSH
     for along, outward in way:
         assert along > door.edge_m + 0.03 or outward > door.outer_m - 1e-9 or outward < door.inner_m - 0.01
 
@@ -92,16 +92,16 @@ def test_the_way_around_the_edge_stays_clear_of_the_door() -> None:
 def test_what_follows_on_what() -> None:
     _, door = door_at("link_0", 0.6)
     at_handle, clear = hand_at(door, 0.28, door.grasp_m), hand_at(door, 0.28, door.grasp_m + 0.08)
-    assert door_opening.next_phase(Phase.RELEASE, 3, door, at_handle, CONFIG) is Phase.RELEASE
-    assert door_opening.next_phase(Phase.RELEASE, 3, door, clear, CONFIG) is Phase.AROUND
-    assert door_opening.next_phase(Phase.RELEASE, 99, door, at_handle, CONFIG) is Phase.AROUND
+    assert door_opening.next_phase(CabinetPhase.RELEASE, 3, door, at_handle, CONFIG) is CabinetPhase.RELEASE
+    assert door_opening.next_phase(CabinetPhase.RELEASE, 3, door, clear, CONFIG) is CabinetPhase.AROUND
+    assert door_opening.next_phase(CabinetPhase.RELEASE, 99, door, at_handle, CONFIG) is CabinetPhase.AROUND
     shut = dataclasses.replace(door, angle_rad=0.1)
-    assert door_opening.next_phase(Phase.AROUND, 3, shut, clear, CONFIG) is Phase.APPROACH
+    assert door_opening.next_phase(CabinetPhase.AROUND, 3, shut, clear, CONFIG) is CabinetPhase.APPROACH
     pushing, off = hand_at(door, door.edge_m - 0.04, -0.03), hand_at(door, door.edge_m + 0.05, -0.03)
-    assert door_opening.next_phase(Phase.PUSH, 3, door, pushing, CONFIG) is Phase.PUSH
-    assert door_opening.next_phase(Phase.PUSH, 3, door, off, CONFIG) is Phase.AROUND
-    assert door_opening.after_slip(door, CONFIG) is Phase.RELEASE
-    assert door_opening.after_slip(shut, CONFIG) is Phase.APPROACH
+    assert door_opening.next_phase(CabinetPhase.PUSH, 3, door, pushing, CONFIG) is CabinetPhase.PUSH
+    assert door_opening.next_phase(CabinetPhase.PUSH, 3, door, off, CONFIG) is CabinetPhase.AROUND
+    assert door_opening.after_slip(door, CONFIG) is CabinetPhase.RELEASE
+    assert door_opening.after_slip(shut, CONFIG) is CabinetPhase.APPROACH
 
 
 def test_pushing_asks_for_more_where_the_door_lags_and_stops_at_the_end() -> None:
@@ -150,7 +150,7 @@ def test_a_hand_comes_in_only_when_it_is_turned() -> None:
 def test_a_hand_that_pressed_the_door_shut_comes_out_again() -> None:
     """It goes sideways first, then forward, and from there begins anew."""
     _, door = door_at("link_0", CONFIG.ajar_rad / 3)
-    tool, phase = hand_at(door, door.edge_m, door.inner_m - 0.04), Phase.AROUND
+    tool, phase = hand_at(door, door.edge_m, door.inner_m - 0.04), CabinetPhase.AROUND
     for _ in range(200):
         motion = door_opening.around(door, tool, tool.rotation, CONFIG)
         step = motion.wanted.position - tool.position
@@ -158,16 +158,22 @@ def test_a_hand_that_pressed_the_door_shut_comes_out_again() -> None:
         along, outward = door.coordinates(tool.position)
         assert outward < door.inner_m or along > door.edge_m + 0.03, "not through the door"
         phase = door_opening.next_phase(phase, 0, door, tool, CONFIG)
-        if phase is not Phase.AROUND:
+        if phase is not CabinetPhase.AROUND:
             break
-    assert phase is Phase.APPROACH
+    assert phase is CabinetPhase.APPROACH
 
 
 def test_no_way_in_is_not_tried_for_ever() -> None:
     _, door = door_at("link_0", 0.6)
     beside = hand_at(door, door.edge_m + 0.04, door.inner_m - 0.03)
-    assert door_opening.next_phase(Phase.AROUND, CONFIG.around_steps, door, beside, CONFIG) is Phase.AROUND
-    assert door_opening.next_phase(Phase.AROUND, CONFIG.around_steps + 1, door, beside, CONFIG) is Phase.APPROACH
+    assert (
+        door_opening.next_phase(CabinetPhase.AROUND, CONFIG.around_steps, door, beside, CONFIG)
+        is CabinetPhase.AROUND
+    )
+    assert (
+        door_opening.next_phase(CabinetPhase.AROUND, CONFIG.around_steps + 1, door, beside, CONFIG)
+        is CabinetPhase.APPROACH
+    )
 
 
 def test_a_door_that_is_gripped_ajar_pivots_from_there_on() -> None:
@@ -185,5 +191,5 @@ def test_a_hand_that_slipped_off_the_edge_goes_around_again() -> None:
     _, door = door_at("link_0", 1.0)
     inside = hand_at(door, door.edge_m - CONFIG.overlap_m, door.inner_m - 0.01)
     outside = hand_at(door, door.edge_m - CONFIG.overlap_m, door.outer_m)
-    assert door_opening.next_phase(Phase.PUSH, 1, door, inside, CONFIG) is Phase.PUSH
-    assert door_opening.next_phase(Phase.PUSH, 1, door, outside, CONFIG) is Phase.AROUND
+    assert door_opening.next_phase(CabinetPhase.PUSH, 1, door, inside, CONFIG) is CabinetPhase.PUSH
+    assert door_opening.next_phase(CabinetPhase.PUSH, 1, door, outside, CONFIG) is CabinetPhase.AROUND
