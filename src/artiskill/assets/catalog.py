@@ -37,25 +37,15 @@ _Given = str | Path | ArticulatedObject
 
 @dataclass(frozen=True)
 class CatalogEntry:
-    """One object of the catalogue.
+    """One object of the catalogue."""
 
-    Attributes:
-        id: its name.
-        seed: from which it is generated.
-        split: `train`, `test`, or `ood`: of families that neither `train` nor `test` has.
-        family: kind of cabinet, chair or bucket, as in `<category>_generator.yaml`.
-        content_hash: `ArticulatedObject.content_hash` of the object as it was when the catalogue was made.
-        drawers: links that slide and carry a handle.
-        doors: links that turn and carry a handle.
-    """
-
-    id: str
-    seed: int
-    split: str
-    family: str
-    content_hash: str
-    drawers: tuple[str, ...] = ()
-    doors: tuple[str, ...] = ()
+    id: str  # its name
+    seed: int  # from which it is generated
+    split: str  # `train`, `test`, or `ood`: of families that neither `train` nor `test` has
+    family: str  # kind of cabinet, chair or bucket, as in `<category>_generator.yaml`
+    content_hash: str  # `ArticulatedObject.content_hash` of the object as it was when the catalogue was made
+    drawers: tuple[str, ...] = ()  # links that slide and carry a handle
+    doors: tuple[str, ...] = ()  # links that turn and carry a handle
 
     def __post_init__(self) -> None:
         check(

@@ -20,6 +20,8 @@ WEAVE_TILE_M = 0.32
 _WEAVE_PIXELS, _WEAVE_THREADS = 64, 16
 _GRAIN_SEEDS = 2**31
 
+# One material per field of an appearance, `materials["front"]` say.
+Materials = dict[str, Material]
 Finish = Literal["wood", "paint", "metal", "plastic", "fabric", "leather"]
 
 # Light and dark sRGB of common furniture woods.
@@ -100,21 +102,13 @@ LEATHERS: dict[str, tuple[int, int, int]] = {
 
 @dataclass(frozen=True)
 class Surface:
-    """One resolved finish.
+    """One resolved finish."""
 
-    Attributes:
-        finish: which palette.
-        name: its key there.
-        srgb: base colour, 0..255, after the object's own variation.
-        grain_seed: seeds the grain of a wood and the weave of a fabric; 0 otherwise.
-        shininess: 0 (matt) to 1 (polished).
-    """
-
-    finish: Finish
-    name: str
-    srgb: tuple[int, int, int]
-    grain_seed: int
-    shininess: float
+    finish: Finish  # which palette
+    name: str  # its key there
+    srgb: tuple[int, int, int]  # base colour, 0..255, after the object's own variation
+    grain_seed: int  # seeds the grain of a wood and the weave of a fabric; 0 otherwise
+    shininess: float  # 0 (matt) to 1 (polished)
 
 
 def sample_surface(rng: np.random.Generator, finish: Finish, names: tuple[str, ...] = ()) -> Surface:
@@ -130,7 +124,7 @@ def sample_surface(rng: np.random.Generator, finish: Finish, names: tuple[str, .
 
 
 def make_material(surface: Surface) -> Material:
-    """The engine-free material of a surface; woods come with their grain, fabrics with their weave."""
+    """Make the engine-free material of a surface; woods come with their grain, fabrics with their weave."""
     linear = srgb_to_linear(np.array(surface.srgb))
     red, green, blue = (round(float(v), 4) for v in linear)
     make_texture = _TEXTURES.get(surface.finish)
@@ -138,8 +132,8 @@ def make_material(surface: Surface) -> Material:
     return Material(surface.name, (red, green, blue, 1.0), texture, surface.shininess)
 
 
-def make_materials(appearance: Any) -> dict[str, Material]:
-    """The materials of a dataclass whose fields are all `Surface`s, by field; equal surfaces share one."""
+def make_materials(appearance: Any) -> Materials:
+    """Make the materials of a dataclass whose fields are all `Surface`s; equal surfaces share one."""
     made: dict[Surface, Material] = {}
     for field in fields(appearance):
         surface = getattr(appearance, field.name)
@@ -149,7 +143,7 @@ def make_materials(appearance: Any) -> dict[str, Material]:
 
 
 def wood_grain(name: str, seed: int) -> np.ndarray:
-    """A texture that darkens a wood's base colour along streaks.
+    """Make a texture that darkens a wood's base colour along streaks.
 
     Texture coordinate u runs along the grain, v across it; the image covers `GRAIN_TILE_M` either way.
 
@@ -170,7 +164,7 @@ def wood_grain(name: str, seed: int) -> np.ndarray:
 
 
 def fabric_weave(name: str, seed: int) -> np.ndarray:
-    """A texture of crossing threads, each a little lighter or darker, that darkens a fabric's base colour.
+    """Make a texture of crossing threads of varying brightness, which darkens a fabric's base colour.
 
     The image covers `WEAVE_TILE_M` either way and repeats.
 
@@ -197,7 +191,7 @@ def srgb_to_linear(srgb: np.ndarray) -> np.ndarray:
 
 
 def _noise(rng: np.random.Generator, shape: tuple[int, int], cells: tuple[int, int]) -> np.ndarray:
-    """Smooth noise in [0, 1] with so many cells along each side, interpolated linearly."""
+    """Return smooth noise in [0, 1] with so many cells along each side, interpolated linearly."""
     coarse = rng.random((cells[0] + 1, cells[1] + 1))
     for axis in (0, 1):
         at = np.linspace(0, cells[axis], shape[axis])

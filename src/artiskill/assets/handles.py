@@ -1,4 +1,4 @@
-"""From a handle's mesh to a `Handle`: surface samples, hull and grasp poses, the same for all sources."""
+"""From a handle's mesh to a `Handle`: surface samples, hull and grasp poses, whatever the object's source."""
 
 from dataclasses import dataclass
 
@@ -21,17 +21,11 @@ _HALF_TURN = quat_from_axis_angle((0, 0, 1), np.pi)
 
 @dataclass(frozen=True, eq=False)
 class HandleGrasp:
-    """How a hand that comes from outside takes hold of a handle, in the link's frame.
+    """How a hand that comes from outside takes hold of a handle, in the link's frame."""
 
-    Attributes:
-        position: (3,) tool-centre point.
-        across: (K, 3) unit vectors square to the outward direction; the fingers close along any of them.
-        width_m: extent between the pads.
-    """
-
-    position: np.ndarray
-    across: np.ndarray
-    width_m: float
+    position: np.ndarray  # (3,) tool-centre point
+    across: np.ndarray  # (K, 3) unit vectors square to the outward direction; the fingers close along any of them
+    width_m: float  # extent between the pads
 
 
 def handle_from_mesh(
@@ -43,9 +37,7 @@ def handle_from_mesh(
     hookable: bool,
     grasp: HandleGrasp | None = None,
 ) -> Handle:
-    """Describe the handle whose drawn surface is `mesh`.
-
-    The hand comes from outside, along `-outward`.
+    """Describe the handle whose drawn surface is `mesh`; the hand comes from outside, along `-outward`.
 
     Args:
         link_name: the link that carries the handle.
@@ -67,26 +59,37 @@ def handle_from_mesh(
         raise AssetError(f"link {link_name!r}: its handle's mesh is flat or empty") from error
     outward = np.asarray(outward, dtype=float) / norm(outward)
     grasp = grasp or _middle_grasp(hull.mesh, outward)
-    quaternions = []
-    for across in grasp.across:
-        rotation = np.stack((np.cross(across, -outward), across, -outward), axis=1)
-        one = quat_from_matrix(rotation)
-        quaternions += [one, quat_multiply(one, _HALF_TURN)]
+    quaternions = _hand_quaternions(grasp, outward)
     return Handle(
         link=link_name,
         kind=kind,
         points=sample_surface([mesh], POINTS_PER_HANDLE, rng),
         planes=hull.planes,
         grasp_positions=np.repeat(grasp.position[None], len(quaternions), axis=0),
-        grasp_quaternions=np.stack(quaternions),
+        grasp_quaternions=quaternions,
         grasp_width_m=grasp.width_m,
         hookable=hookable,
     )
 
 
 def grasp_depth(thickness_m: float) -> float:
-    """How far behind a handle's outermost face the tool-centre point goes, if the handle is so thick there."""
+    """Return how far behind a handle's outermost face the tool-centre point goes, if it is so thick there."""
     return min(_GRASP_DEPTH_M, thickness_m / 2)
+
+
+def is_handle_part(part: str) -> bool:
+    """Return whether a part of this name, `handle` or `round_knob`, say, is something to grip."""
+    return not _HANDLE_WORDS.isdisjoint(part.lower().split("_"))
+
+
+def _hand_quaternions(grasp: HandleGrasp, outward: np.ndarray) -> np.ndarray:
+    """Return the orientations of a hand that comes along `-outward`, each with its half turn, (2 * K, 4)."""
+    quaternions = []
+    for across in grasp.across:
+        rotation = np.stack((np.cross(across, -outward), across, -outward), axis=1)
+        one = quat_from_matrix(rotation)
+        quaternions += [one, quat_multiply(one, _HALF_TURN)]
+    return np.stack(quaternions)
 
 
 def _middle_grasp(hull: TriMesh, outward: np.ndarray) -> HandleGrasp:
@@ -99,13 +102,8 @@ def _middle_grasp(hull: TriMesh, outward: np.ndarray) -> HandleGrasp:
     return HandleGrasp(matmul(centre[None], frame)[0], across[None], float(high[1] - low[1]))
 
 
-def is_handle_part(part: str) -> bool:
-    """Whether a part of this name, `handle` or `round_knob`, say, is something to grip."""
-    return not _HANDLE_WORDS.isdisjoint(part.lower().split("_"))
-
-
 def _face_axes(hull: TriMesh, outward: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Long and short side of the smallest rectangle that holds a convex mesh's outline, seen along `outward`.
+    """Return the long and the short side of the smallest rectangle around a convex mesh, seen along `outward`.
 
     A side of that rectangle lies along an edge of the outline (Freeman and Shapira, 1975), and the outline's edges
     are edges of the mesh: trying the directions of all of these finds it.

@@ -135,15 +135,11 @@ def is_path(name: str) -> bool:
 
 @dataclass(frozen=True)
 class SplitFile:
-    """A user's own split: a YAML file that lists names of objects.
+    """A user's own split: a YAML file that lists names of objects."""
 
-    Attributes:
-        objects: names as `resolve_objects` takes them, other split files excepted; paths are relative to the file.
-        description: free text.
-    """
-
+    # names as `resolve_objects` takes them, other split files excepted; paths are relative to the file
     objects: tuple[str, ...]
-    description: str = ""
+    description: str = ""  # free text
 
 
 def read_split_file(path: Path) -> tuple[str, ...]:

@@ -20,17 +20,11 @@ class MovingLink:
 
 @dataclass(frozen=True)
 class Needs:
-    """What a task needs.
+    """What a task needs."""
 
-    Attributes:
-        task: its name, for messages.
-        category: of the objects.
-        motion: joint kind of the target links; None where the whole object is moved.
-    """
-
-    task: str
-    category: Category
-    motion: JointKind | None
+    task: str  # its name, for messages
+    category: Category  # of the objects
+    motion: JointKind | None  # joint kind of the target links; None where the whole object is moved
 
     def check_category(self, name: str, category: str) -> None:
         """Refuse an object of another category.

@@ -38,15 +38,10 @@ _Measure = Callable[["Descriptor", "Descriptor"], float]
 
 @dataclass(frozen=True)
 class DescriptorConfig:
-    """How finely surfaces are compared.
+    """How finely surfaces are compared."""
 
-    Attributes:
-        points: per object and state, measured to the other object.
-        dense: per object and state, to find the triangles that are near.
-    """
-
-    points: int = 200
-    dense: int = 8000
+    points: int = 200  # per object and state, measured to the other object
+    dense: int = 8000  # per object and state, to find the triangles that are near
 
     def __post_init__(self) -> None:
         check_positive(self, "points", "dense")
@@ -54,38 +49,23 @@ class DescriptorConfig:
 
 @dataclass(frozen=True, eq=False)
 class Descriptor:
-    """What is kept of an object to compare it with others.
+    """What is kept of an object to compare it with others."""
 
-    Attributes:
-        id: the object's.
-        category: the object's.
-        joints: kinds of its joints, in their order.
-        points: (2 * points, 3) on both states' surfaces.
-        surface: both states' drawn surfaces, searchable.
-    """
-
-    id: str
-    category: Category
-    joints: tuple[str, ...]
-    points: np.ndarray
-    surface: Surface
+    id: str  # the object's
+    category: Category  # the object's
+    joints: tuple[str, ...]  # kinds of its joints, in their order
+    points: np.ndarray  # (2 * points, 3) on both states' surfaces
+    surface: Surface  # both states' drawn surfaces, searchable
 
 
 @dataclass(frozen=True)
 class Neighbour:
-    """The most similar one of several other objects.
+    """The most similar one of several other objects."""
 
-    Attributes:
-        id: the object.
-        nearest: id of its nearest neighbour.
-        distance_m: of their surfaces.
-        same_joints: whether both have the same kinds of joints in the same order.
-    """
-
-    id: str
-    nearest: str
-    distance_m: float
-    same_joints: bool
+    id: str  # the object
+    nearest: str  # id of its nearest neighbour
+    distance_m: float  # of their surfaces
+    same_joints: bool  # whether both have the same kinds of joints in the same order
 
 
 def describe(obj: ArticulatedObject, config: DescriptorConfig | None = None) -> Descriptor:

@@ -1,12 +1,11 @@
-"""Surfaces of a cabinet's parts: finishes that go together, drawn per object, and the materials made of them."""
+"""Surfaces of a cabinet's parts: finishes that go together, drawn per object."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from artiskill.assets.articulated_object import Material
-from artiskill.assets.finishes import Finish, Surface, make_materials, sample_surface
+from artiskill.assets.finishes import Finish, Surface, sample_surface
 from artiskill.assets.generators import pick
 
 # Finishes of carcass, fronts and top, and how often.
@@ -35,26 +34,6 @@ class CabinetAppearance:
     runner: Surface
     glass: Surface
     tyre: Surface
-
-
-@dataclass(frozen=True, eq=False)
-class Materials:
-    """One material per surface of `CabinetAppearance`; equal surfaces share one."""
-
-    carcass: Material
-    front: Material
-    top: Material
-    interior: Material
-    support: Material
-    handle: Material
-    runner: Material
-    glass: Material
-    tyre: Material
-
-
-def make_cabinet_materials(appearance: CabinetAppearance) -> Materials:
-    """Make the materials, textures included."""
-    return Materials(**make_materials(appearance))
 
 
 def sample_cabinet_appearance(

@@ -6,12 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from artiskill.assets.articulated_object import ROOM_WALL, ArticulatedObject, CollisionShape, Handle, Joint, Link
-from artiskill.assets.cabinets.appearance import Materials, make_cabinet_materials
 from artiskill.assets.cabinets.carcass import add_box, add_carcass
 from artiskill.assets.cabinets.fronts import add_front, add_hinges, handle_foot, sinks
 from artiskill.assets.cabinets.pulls import build_pull
 from artiskill.assets.cabinets.spec import CabinetSpec, Cell, Side, Wall
-from artiskill.assets.finishes import make_material
+from artiskill.assets.finishes import Materials, make_material, make_materials
 from artiskill.assets.handles import handle_from_mesh
 from artiskill.assets.kinematics import first_moment_m4, shapes_volume_m3
 from artiskill.assets.parts import LinkParts
@@ -45,7 +44,7 @@ def build_cabinet(spec: CabinetSpec, object_id: str, rng: np.random.Generator) -
         object_id: name in catalogues and results.
         rng: draws surface samples and where in its texture each board lies.
     """
-    materials = make_cabinet_materials(spec.appearance)
+    materials = make_materials(spec.appearance)
     base = LinkParts((0.0, 0.0, 0.0), rng)
     add_carcass(base, spec, materials)
     links = [base.link("base", -1, None, spec.density_kg_m3)]
@@ -82,7 +81,7 @@ def _add_moving(
     if cell.kind == "drawer":
         add_box(parts, spec, cell, materials)
     else:
-        add_hinges(parts, spec, cell, materials.runner)
+        add_hinges(parts, spec, cell, materials["runner"])
     handle = _add_handle(parts, spec, cell, name, materials, rng)
     if cell.hinge == "top":
         joint = _closed_by_spring(joint, spec.density_kg_m3, parts.collisions)
@@ -122,9 +121,9 @@ def _add_handle(
     model = spec.handle_of(cell)
     face = parts.local(handle_foot(spec, cell.handle))
     pull = build_pull(model, cell.handle, face, sinks(spec, cell, cell.handle))
-    parts.add_visual(pull.mesh, materials.handle, "handle")
+    parts.add_visual(pull.mesh, materials["handle"], "handle")
     if pull.recess is not None:
-        parts.add_visual(pull.recess, materials.handle, "front_recess")
+        parts.add_visual(pull.recess, materials["handle"], "front_recess")
     for shape in pull.collisions:
         parts.add_collision(shape)
     return handle_from_mesh(name, model.kind, pull.mesh, OUTWARD, rng, pull.hookable, pull.grasp)

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from artiskill.assets.articulated_object import CollisionShape
-from artiskill.assets.cabinets.appearance import Materials
 from artiskill.assets.cabinets.cells import BOX_FLOOR_M, RUNNER_SPACE_M
 from artiskill.assets.cabinets.fronts import add_front, add_hinge_arms, bowed_outline
 from artiskill.assets.cabinets.spec import CabinetSpec, Cell
+from artiskill.assets.finishes import Materials
 from artiskill.assets.parts import IDENTITY, TO_Y, LinkParts
 from artiskill.geometry.primitives import cylinder, lathe, loft
 
@@ -30,21 +30,21 @@ def add_carcass(parts: LinkParts, spec: CabinetSpec, materials: Materials) -> No
     floor, ceiling = spec.support.height_m, spec.height_m - spec.top.thickness_m
     foot = 0.0 if spec.support.kind == "sides" else floor
     t = spec.panel_m
-    parts.add_panel((x0, y0, foot), (x1, y0 + t, ceiling), materials.carcass, "frame", grain=2)
-    parts.add_panel((x0, y1 - t, foot), (x1, y1, ceiling), materials.carcass, "frame", grain=2)
-    parts.add_panel((x0, y0 + t, floor), (x1, y1 - t, floor + t), materials.carcass, "frame", grain=1)
+    parts.add_panel((x0, y0, foot), (x1, y0 + t, ceiling), materials["carcass"], "frame", grain=2)
+    parts.add_panel((x0, y1 - t, foot), (x1, y1, ceiling), materials["carcass"], "frame", grain=2)
+    parts.add_panel((x0, y0 + t, floor), (x1, y1 - t, floor + t), materials["carcass"], "frame", grain=1)
     _add_top(parts, spec, materials)
     # a back that is always in sight matches the carcass
-    back = materials.carcass if spec.count("open") else materials.interior
+    back = materials["carcass"] if spec.count("open") else materials["interior"]
     parts.add_panel((x1 - spec.back_m, y0 + t, floor + t), (x1, y1 - t, ceiling), back, "back", grain=2)
     for board in spec.boards:
         r = board.rect
-        parts.add_panel((board.x0, r.y0, r.z0), (board.x1, r.y1, r.z1), materials.carcass, board.part)
+        parts.add_panel((board.x0, r.y0, r.z0), (board.x1, r.y1, r.z1), materials["carcass"], board.part)
     for cell in spec.cells:
         if cell.kind == "blind":
             add_front(parts, spec, cell, materials, "blind_panel")
         elif cell.kind == "door":
-            add_hinge_arms(parts, spec, cell, materials.runner)
+            add_hinge_arms(parts, spec, cell, materials["runner"])
     _add_support(parts, spec, materials)
 
 
@@ -59,13 +59,15 @@ def _add_top(parts: LinkParts, spec: CabinetSpec, materials: Materials) -> None:
         if spec.front.bow_m > 0:
             out = over - (x0 - spec.face_x)
             outline = bowed_outline(spec, -half - side, half + side, x1, out)
-            parts.add_prism(outline, z, upper, materials.top, "top")
+            parts.add_prism(outline, z, upper, materials["top"], "top")
         else:
-            parts.add_panel((x0 - over, -half - side, z), (x1, half + side, upper), materials.top, "top", grain=1)
+            parts.add_panel(
+                (x0 - over, -half - side, z), (x1, half + side, upper), materials["top"], "top", grain=1
+            )
         z = upper
     if top.upstand_m > 0:
         low, high = (x1 - spec.panel_m, -half, z), (x1, half, z + top.upstand_m)
-        parts.add_panel(low, high, materials.top, "upstand", grain=1)
+        parts.add_panel(low, high, materials["top"], "upstand", grain=1)
 
 
 def _add_support(parts: LinkParts, spec: CabinetSpec, materials: Materials) -> None:
@@ -98,14 +100,14 @@ def _add_plinth(parts: LinkParts, spec: CabinetSpec, materials: Materials) -> No
     x0 = -spec.depth_m / 2 + spec.support.setback_m
     half_y = spec.width_m / 2
     parts.add_panel(
-        (x0, -half_y, 0.0), (spec.depth_m / 2, half_y, spec.support.height_m), materials.support, "plinth"
+        (x0, -half_y, 0.0), (spec.depth_m / 2, half_y, spec.support.height_m), materials["support"], "plinth"
     )
 
 
 def _add_kick_board(parts: LinkParts, spec: CabinetSpec, materials: Materials) -> None:
     x0, inside = -spec.depth_m / 2 + spec.support.setback_m, spec.width_m / 2 - spec.panel_m
     low, high = (x0, -inside, 0.0), (x0 + spec.panel_m, inside, spec.support.height_m)
-    parts.add_panel(low, high, materials.support, "plinth", grain=1)
+    parts.add_panel(low, high, materials["support"], "plinth", grain=1)
 
 
 def _add_leg(parts: LinkParts, spec: CabinetSpec, materials: Materials, x: float, y: float) -> None:
@@ -113,7 +115,7 @@ def _add_leg(parts: LinkParts, spec: CabinetSpec, materials: Materials, x: float
     radius, height = support.leg_m / 2, support.height_m
     if support.leg_shape == "square":
         low, high = (x - radius, y - radius, 0.0), (x + radius, y + radius, height)
-        parts.add_panel(low, high, materials.support, "leg")
+        parts.add_panel(low, high, materials["support"], "leg")
         return
     if support.leg_shape == "splayed":
         _add_splayed_leg(parts, materials, (x, y), radius, height)
@@ -125,7 +127,7 @@ def _add_leg(parts: LinkParts, spec: CabinetSpec, materials: Materials, x: float
         foot = _TAPER * radius
         profile = [(0.0, 0.0), (foot, 0.0), (radius, height), (0.0, height)]
         size = ((radius + foot) / 2, height / 2)
-    parts.add_visual(lathe(profile, _SEGMENTS).transformed(parts.local((x, y, 0.0))), materials.support, "leg")
+    parts.add_visual(lathe(profile, _SEGMENTS).transformed(parts.local((x, y, 0.0))), materials["support"], "leg")
     parts.add_collision(CollisionShape("cylinder", size, parts.local((x, y, height / 2)), IDENTITY, part="leg"))
 
 
@@ -140,7 +142,7 @@ def _add_splayed_leg(
         np.column_stack((np.asarray(top) + out + _TAPER * radius * circle, np.zeros(_SEGMENTS))),
         np.column_stack((np.asarray(top) + radius * circle, np.full(_SEGMENTS, height))),
     ]
-    parts.add_visual(loft(rings).transformed(parts.local((0.0, 0.0, 0.0))), materials.support, "leg")
+    parts.add_visual(loft(rings).transformed(parts.local((0.0, 0.0, 0.0))), materials["support"], "leg")
     corners = np.concatenate([ring[::2] for ring in rings])
     centre = corners.mean(axis=0)
     parts.add_collision(CollisionShape("hull", (), parts.local(centre), IDENTITY, corners - centre, "leg"))
@@ -153,9 +155,9 @@ def _add_sled(parts: LinkParts, spec: CabinetSpec, materials: Materials) -> None
     for sign in (-1, 1):
         y = sign * (spec.width_m / 2 - s.setback_m - s.leg_m / 2)
         low, high = y - s.leg_m / 2, y + s.leg_m / 2
-        parts.add_panel((x0, low, 0.0), (x1, high, s.leg_m), materials.support, "leg")
-        parts.add_panel((x0, low, s.leg_m), (x0 + s.leg_m, high, s.height_m), materials.support, "leg")
-        parts.add_panel((x1 - s.leg_m, low, s.leg_m), (x1, high, s.height_m), materials.support, "leg")
+        parts.add_panel((x0, low, 0.0), (x1, high, s.leg_m), materials["support"], "leg")
+        parts.add_panel((x0, low, s.leg_m), (x0 + s.leg_m, high, s.height_m), materials["support"], "leg")
+        parts.add_panel((x1 - s.leg_m, low, s.leg_m), (x1, high, s.height_m), materials["support"], "leg")
 
 
 def _add_caster(parts: LinkParts, spec: CabinetSpec, materials: Materials, x: float, y: float) -> None:
@@ -163,14 +165,14 @@ def _add_caster(parts: LinkParts, spec: CabinetSpec, materials: Materials, x: fl
     radius, height = spec.support.leg_m / 2, spec.support.height_m
     half = 0.38 * radius
     wheel = cylinder(radius, half, 16, 0.15 * radius).transformed(parts.local((x, y, radius)), TO_Y)
-    parts.add_visual(wheel, materials.tyre, "caster")
+    parts.add_visual(wheel, materials["tyre"], "caster")
     fork, above = half + 0.004, height - _PLATE_M
     for inner, outer in ((-fork, -half), (half, fork)):
         cheek = (x - 0.5 * radius, y + inner, 0.9 * radius), (x + 0.5 * radius, y + outer, above)
-        parts.add_panel(*cheek, materials.runner, "caster", collide=False)
+        parts.add_panel(*cheek, materials["runner"], "caster", collide=False)
     plate = min(1.1 * radius, spec.support.setback_m + radius)
     corners = (x - plate, y - plate, above), (x + plate, y + plate, height)
-    parts.add_panel(*corners, materials.runner, "caster", collide=False)
+    parts.add_panel(*corners, materials["runner"], "caster", collide=False)
     parts.add_collision_box((x - 0.85 * radius, y - fork, 0.0), (x + 0.85 * radius, y + fork, height), "caster")
 
 
@@ -182,7 +184,7 @@ def add_box(parts: LinkParts, spec: CabinetSpec, cell: Cell, materials: Material
     z0 = cell.clear.z0 + BOX_FLOOR_M
     z1 = z0 + cell.box_height_m
     t = spec.side_m
-    inside = materials.interior
+    inside = materials["interior"]
     parts.add_panel((x0, y0, z0), (x1, y0 + t, z1), inside, "drawer_side", grain=0)
     parts.add_panel((x0, y1 - t, z0), (x1, y1, z1), inside, "drawer_side", grain=0)
     parts.add_panel((x1 - t, y0 + t, z0), (x1, y1 - t, z1), inside, "drawer_back", grain=1)
@@ -192,7 +194,7 @@ def add_box(parts: LinkParts, spec: CabinetSpec, cell: Cell, materials: Material
     middle = (z0 + z1) / 2
     for low in (y0 - thick, y1):
         corners = (x0, low, middle - high / 2), (x1, low + thick, middle + high / 2)
-        parts.add_panel(*corners, materials.runner, "runner", collide=False)
+        parts.add_panel(*corners, materials["runner"], "runner", collide=False)
 
 
 def carcass_shapes(spec: CabinetSpec) -> int:

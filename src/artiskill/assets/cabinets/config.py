@@ -19,43 +19,26 @@ HOLDABLE = (*HANDLES, *LAYOUTS, *FACES, BOW)
 
 @dataclass(frozen=True)
 class CabinetFamilyConfig:
-    """One kind of furniture: its outer sizes and what its front is made of.
+    """One kind of furniture: its outer sizes and what its front is made of."""
 
-    Attributes:
-        name: goes into the object's metadata.
-        weight: how often it is drawn, relative to the other held-out, or the other usual, families.
-        width_m: outer width of the carcass, along y.
-        depth_m: outer depth of the carcass, along x, without overlay fronts.
-        height_m: from the ground to the top, support included.
-        supports: weights of what it stands on.
-        layouts: weights of what a region of the front becomes: `columns`, `rows` and `strip` split it again.
-        faces: weights of what the fronts look like.
-        handles: weights of the drawers' handles; doors mostly have the same.
-        overhang_probability: how often the top stands over the front and the sides.
-        inset_probability: how often fronts lie within the carcass instead of over its edges.
-        held_out: whether it is kept from training and test.
-        cornice_probability: of an overhanging top: how often it is stepped.
-        upstand_probability: how often a board stands along the top's back edge.
-        finishes: weights of schemes of `appearance.SCHEMES`; empty for the usual ones.
-        bow_m: how far the face bulges out; None where it is flat.
-    """
-
-    name: str
-    weight: float
-    width_m: Range
-    depth_m: Range
-    height_m: Range
-    supports: dict[str, float]
+    name: str  # goes into the object's metadata
+    weight: float  # how often it is drawn, relative to the others with the same `held_out`
+    width_m: Range  # outer width of the carcass, along y
+    depth_m: Range  # outer depth of the carcass, along x, without overlay fronts
+    height_m: Range  # from the ground to the top, support included
+    supports: dict[str, float]  # weights of what it stands on
+    # weights of what a region of the front becomes: `columns`, `rows` and `strip` split it again
     layouts: dict[str, float]
-    faces: dict[str, float]
-    handles: dict[str, float]
-    overhang_probability: float
-    inset_probability: float
-    held_out: bool = False
-    cornice_probability: float = 0.0
-    upstand_probability: float = 0.0
+    faces: dict[str, float]  # weights of what the fronts look like
+    handles: dict[str, float]  # weights of the drawers' handles; doors mostly have the same
+    overhang_probability: float  # how often the top stands over the front and the sides
+    inset_probability: float  # how often fronts lie within the carcass instead of over its edges
+    held_out: bool = False  # whether it is kept from training and test
+    cornice_probability: float = 0.0  # of an overhanging top: how often it is stepped
+    upstand_probability: float = 0.0  # how often a board stands along the top's back edge
+    # weights of schemes of `appearance.SCHEMES`; empty for the usual ones
     finishes: dict[str, float] | None = None
-    bow_m: Range | None = None
+    bow_m: Range | None = None  # how far the face bulges out; None where it is flat
 
     def __post_init__(self) -> None:
         where = f"family {self.name!r}"
@@ -74,58 +57,34 @@ class CabinetFamilyConfig:
 
 @dataclass(frozen=True)
 class HandleConfig:
-    """Handles, and where they sit.
+    """Handles, and where they sit."""
 
-    Attributes:
-        centres_m: distances of two screws: 80 mm, and multiples of 32 mm, as in the European cabinet system
-            ("System 32") and makers' catalogues.
-        cup_centres_m: distances of the two screws of cup pulls.
-        diameter_m: of a round bar, side of a square one.
-        projection_m: from the front's face to the handle's outermost surface.
-        clearance_m: at least this much room between the front's face and a bar or bow: a finger must fit behind.
-        bar_shapes: weights of `round`, `square` and `flat`.
-        bow_shapes: weights of `arch`, `d` and `strap`.
-        bow_length_m: longest distance of a bow's feet.
-        knob_m: diameter of knobs.
-        knob_projection_m: from the front's face to their outermost surface.
-        knob_shapes: weights of the forms of heads.
-        ring_m: outer diameter of rings.
-        ring_wire_m: of a ring's wire.
-        lip_m: thickness of a lip's board.
-        lip_projection_m: how far lips stand out.
-        slot_room_m: from a flush bar to its cavity's edge, on either side: a finger must go in.
-        slot_length_m: of the cavity.
-        slot_depth_m: of the cavity.
-        slot_lowest_m: least height of a cavity's centre: a hand that comes from above does not fit in.
-        cup_height_m: of cup pulls.
-        edge_m: least distance of an upright handle's axis from the door's free edge.
-        height_m: least and largest height of a handle's centre above the ground.
-        mixed_probability: how often doors carry another kind than drawers.
-    """
-
+    # distances of two screws: 80 mm, and multiples of 32 mm, as in the European cabinet system ("System 32")
+    # and makers' catalogues
     centres_m: tuple[float, ...]
-    cup_centres_m: tuple[float, ...]
-    diameter_m: Range
-    projection_m: Range
+    cup_centres_m: tuple[float, ...]  # distances of the two screws of cup pulls
+    diameter_m: Range  # of a round bar, side of a square one
+    projection_m: Range  # from the front's face to the handle's outermost surface
+    # at least this much room between the front's face and a bar or bow: a finger must fit behind
     clearance_m: float
-    bar_shapes: dict[str, float]
-    bow_shapes: dict[str, float]
-    bow_length_m: float
-    knob_m: Range
-    knob_projection_m: Range
-    knob_shapes: dict[str, float]
-    ring_m: Range
-    ring_wire_m: Range
-    lip_m: Range
-    lip_projection_m: Range
-    slot_room_m: float
-    slot_length_m: Range
-    slot_depth_m: Range
-    slot_lowest_m: float
-    cup_height_m: Range
-    edge_m: float
-    height_m: Range
-    mixed_probability: float
+    bar_shapes: dict[str, float]  # weights of `round`, `square` and `flat`
+    bow_shapes: dict[str, float]  # weights of `arch`, `d` and `strap`
+    bow_length_m: float  # longest distance of a bow's feet
+    knob_m: Range  # diameter of knobs
+    knob_projection_m: Range  # from the front's face to their outermost surface
+    knob_shapes: dict[str, float]  # weights of the forms of heads
+    ring_m: Range  # outer diameter of rings
+    ring_wire_m: Range  # of a ring's wire
+    lip_m: Range  # thickness of a lip's board
+    lip_projection_m: Range  # how far lips stand out
+    slot_room_m: float  # from a flush bar to its cavity's edge, on either side: a finger must go in
+    slot_length_m: Range  # of the cavity
+    slot_depth_m: Range  # of the cavity
+    slot_lowest_m: float  # least height of a cavity's centre: a hand that comes from above does not fit in
+    cup_height_m: Range  # of cup pulls
+    edge_m: float  # least distance of an upright handle's axis from the door's free edge
+    height_m: Range  # least and largest height of a handle's centre above the ground
+    mixed_probability: float  # how often doors carry another kind than drawers
 
     def __post_init__(self) -> None:
         check_ranges(self, "handle")
@@ -140,19 +99,12 @@ class HandleConfig:
 
 @dataclass(frozen=True)
 class WallConfig:
-    """The wall behind a cabinet that hangs: from the floor up, the cabinet before its middle.
+    """The wall behind a cabinet that hangs: from the floor up, the cabinet before its middle."""
 
-    Attributes:
-        width_m: along y, the same for every cabinet.
-        height_m: from the floor.
-        thickness_m: along x.
-        paints: keys of `finishes.PAINTS`, one of which it is painted with.
-    """
-
-    width_m: float
-    height_m: float
-    thickness_m: float
-    paints: tuple[str, ...]
+    width_m: float  # along y, the same for every cabinet
+    height_m: float  # from the floor
+    thickness_m: float  # along x
+    paints: tuple[str, ...]  # keys of `finishes.PAINTS`, one of which it is painted with
 
     def __post_init__(self) -> None:
         check_positive(self, "width_m", "height_m", "thickness_m")
@@ -163,72 +115,40 @@ class WallConfig:
 
 @dataclass(frozen=True)
 class CabinetConfig:
-    """How cabinets are drawn.
+    """How cabinets are drawn."""
 
-    Attributes:
-        families: kinds of furniture.
-        held_out: handles, layouts, faces or `bow_front`: what only families with `held_out` may have.
-        panel_m: thickness of carcass panels and dividers.
-        back_m: thickness of the back panel.
-        front_m: thickness of doors and drawer fronts.
-        gap_m: width of the slits around fronts.
-        frame_m: width of a frame's members.
-        plank_m: width of planks.
-        slat_m: distance of slats.
-        knuckle_m: hinge axes stand this far before the fronts' face.
-        plinth_height_m: a plinth's or kick board's height.
-        leg_height_m: a leg's height.
-        leg_shapes: weights of `round`, `square`, `splayed`, `bun`, `sled`.
-        caster_m: diameter of casters' wheels.
-        wall: what a cabinet hangs on that does not stand.
-        wall_height_m: height above the ground of what hangs on a wall.
-        drawer_height_m: height of a drawer's opening.
-        drawer_width_m: width of a drawer's opening.
-        door_width_m: width of a door's opening.
-        door_height_m: height of a door's opening.
-        flap_width_m: width of a flap's opening.
-        flap_height_m: height of a flap's opening.
-        door_limit_deg: how far doors open.
-        flap_limit_deg: how far flaps open.
-        travel_fraction: how far drawers open, relative to the depth of their boxes.
-        travel_m: how far drawers open, which narrows `travel_fraction` where both cannot hold.
-        strips: weights of what stands above or below a region: `drawers` (one row), `open`, `blind`.
-        strip_below_probability: how often it stands below.
-        max_moving: most doors and drawers of one cabinet.
-        max_collisions: most collision shapes of one cabinet.
-        handle: see there.
-    """
-
-    families: tuple[CabinetFamilyConfig, ...]
+    families: tuple[CabinetFamilyConfig, ...]  # kinds of furniture
+    # handles, layouts, faces or `bow_front`: what only families with `held_out` may have
     held_out: tuple[str, ...]
-    panel_m: Range
-    back_m: Range
-    front_m: Range
-    gap_m: Range
-    frame_m: Range
-    plank_m: Range
-    slat_m: Range
-    knuckle_m: Range
-    plinth_height_m: Range
-    leg_height_m: Range
-    leg_shapes: dict[str, float]
-    caster_m: Range
-    wall: WallConfig
-    wall_height_m: Range
-    drawer_height_m: Range
-    drawer_width_m: Range
-    door_width_m: Range
-    door_height_m: Range
-    flap_width_m: Range
-    flap_height_m: Range
-    door_limit_deg: Range
-    flap_limit_deg: Range
-    travel_fraction: Range
-    travel_m: Range
+    panel_m: Range  # thickness of carcass panels and dividers
+    back_m: Range  # thickness of the back panel
+    front_m: Range  # thickness of doors and drawer fronts
+    gap_m: Range  # width of the slits around fronts
+    frame_m: Range  # width of a frame's members
+    plank_m: Range  # width of planks
+    slat_m: Range  # distance of slats
+    knuckle_m: Range  # hinge axes stand this far before the fronts' face
+    plinth_height_m: Range  # a plinth's or kick board's height
+    leg_height_m: Range  # a leg's height
+    leg_shapes: dict[str, float]  # weights of `round`, `square`, `splayed`, `bun`, `sled`
+    caster_m: Range  # diameter of casters' wheels
+    wall: WallConfig  # what a cabinet hangs on that does not stand
+    wall_height_m: Range  # height above the ground of what hangs on a wall
+    drawer_height_m: Range  # height of a drawer's opening
+    drawer_width_m: Range  # width of a drawer's opening
+    door_width_m: Range  # width of a door's opening
+    door_height_m: Range  # height of a door's opening
+    flap_width_m: Range  # width of a flap's opening
+    flap_height_m: Range  # height of a flap's opening
+    door_limit_deg: Range  # how far doors open
+    flap_limit_deg: Range  # how far flaps open
+    travel_fraction: Range  # how far drawers open, relative to the depth of their boxes
+    travel_m: Range  # how far drawers open, which narrows `travel_fraction` where both cannot hold
+    # weights of what stands above or below a region: `drawers` (one row), `open`, `blind`
     strips: dict[str, float]
-    strip_below_probability: float
-    max_moving: int
-    max_collisions: int
+    strip_below_probability: float  # how often it stands below
+    max_moving: int  # most doors and drawers of one cabinet
+    max_collisions: int  # most collision shapes of one cabinet
     handle: HandleConfig
 
     def __post_init__(self) -> None:

@@ -5,9 +5,9 @@ import math
 import numpy as np
 
 from artiskill.assets.articulated_object import Material
-from artiskill.assets.cabinets.appearance import Materials
 from artiskill.assets.cabinets.pulls import Sinks
 from artiskill.assets.cabinets.spec import CabinetSpec, Cell, HandlePlace, Rect, Side
+from artiskill.assets.finishes import Materials
 from artiskill.assets.parts import TO_X, TO_Y, LinkParts
 from artiskill.geometry.meshes import TriMesh
 from artiskill.geometry.primitives import box, cylinder, frustum
@@ -38,16 +38,16 @@ def add_front(parts: LinkParts, spec: CabinetSpec, cell: Cell, materials: Materi
     rect, x0, x1 = cell.front, spec.face_x, spec.face_x + spec.front.thickness_m
     hole = handle_cavity(spec, cell)
     if hole is not None:
-        _add_pierced(parts, rect, hole, (x0, x1), materials.front, part)
+        _add_pierced(parts, rect, hole, (x0, x1), materials["front"], part)
         return
     if spec.front.bow_m > 0:
-        _add_bowed(parts, spec, rect, materials.front, part)
+        _add_bowed(parts, spec, rect, materials["front"], part)
         return
     if cell.face == "slab":
-        parts.add_panel((x0, rect.y0, rect.z0), (x1, rect.y1, rect.z1), materials.front, part)
+        parts.add_panel((x0, rect.y0, rect.z0), (x1, rect.y1, rect.z1), materials["front"], part)
         return
     if cell.face == "planks":
-        _add_planks(parts, spec, rect, materials.front, part)
+        _add_planks(parts, spec, rect, materials["front"], part)
     else:
         _add_framed(parts, spec, cell, materials, part)
     parts.add_collision_box((x0, rect.y0, rect.z0), (x1, rect.y1, rect.z1), part)
@@ -96,24 +96,24 @@ def _add_framed(parts: LinkParts, spec: CabinetSpec, cell: Cell, materials: Mate
         (rect.z0, inner.z0, inner.y0, inner.y1),
         (inner.z1, rect.z1, inner.y0, inner.y1),
     ):
-        parts.add_panel((x0, y0, z0), (x1, y1, z1), materials.front, part, collide=False)
+        parts.add_panel((x0, y0, z0), (x1, y1, z1), materials["front"], part, collide=False)
     if cell.face == "louvred":
-        _add_slats(parts, spec, inner, materials.front, part)
+        _add_slats(parts, spec, inner, materials["front"], part)
         return
     pane = cell.face == "glazed"
     field = x0 + spec.front.recess_m
     parts.add_panel(
         (field, inner.y0, inner.z0),
         (min(field + _FIELD_M, x1), inner.y1, inner.z1),
-        materials.glass if pane else materials.front,
+        materials["glass"] if pane else materials["front"],
         "pane" if pane else part,
         grain=2 if rect.height > rect.width else 1,
         collide=False,
     )
     if pane:
-        _add_muntins(parts, spec, inner, materials.front, part)
+        _add_muntins(parts, spec, inner, materials["front"], part)
     elif cell.face == "raised":
-        _add_raised(parts, spec, inner, materials.front, part)
+        _add_raised(parts, spec, inner, materials["front"], part)
 
 
 def _add_raised(parts: LinkParts, spec: CabinetSpec, inner: Rect, material: Material, part: str) -> None:

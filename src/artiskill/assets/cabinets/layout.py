@@ -15,33 +15,22 @@ MAX_DEPTH = 3
 
 @dataclass(frozen=True)
 class Leaf:
-    """A field of the front that is not split any more.
+    """A field of the front that is not split any more."""
 
-    Attributes:
-        kind: what fills it.
-        shelves: number of shelves, in open cells and behind doors.
-        hinge: of a flap, `top` or `bottom`; None for all else: where doors stand says where their hinges are.
-    """
-
-    kind: CellKind
-    shelves: int = 0
+    kind: CellKind  # what fills it
+    shelves: int = 0  # number of shelves, in open cells and behind doors
+    # of a flap, `top` or `bottom`; None for all else: where doors stand says where their hinges are
     hinge: Side | None = None
 
 
 @dataclass(frozen=True)
 class Split:
-    """A region cut into rows (top to bottom) or columns (left to right, as seen from the room).
+    """A region cut into rows (top to bottom) or columns (left to right, as seen from the room)."""
 
-    Attributes:
-        axis: which way.
-        sizes_m: clear height of each row, or width of each column; the last takes what is left.
-        children: as many as sizes.
-        divider: a whole board between neighbours, a rail at the front only, or nothing.
-    """
-
-    axis: Literal["rows", "columns"]
-    sizes_m: tuple[float, ...]
-    children: tuple["Node", ...]
+    axis: Literal["rows", "columns"]  # which way
+    sizes_m: tuple[float, ...]  # clear height of each row, or width of each column; the last takes what is left
+    children: tuple["Node", ...]  # as many as sizes
+    # a whole board between neighbours, a rail at the front only, or nothing
     divider: Literal["board", "rail", "none"]
 
 
@@ -50,16 +39,12 @@ Node = Leaf | Split
 
 @dataclass(frozen=True)
 class Edge:
-    """What bounds a region on one side.
+    """What bounds a region on one side."""
 
-    Attributes:
-        kind: the carcass's `outer` panel, a `divider`, nothing (`free`: the next front follows), or the
-            overhanging top (`under`), which fronts cannot cover.
-        thickness_m: of that board.
-    """
-
+    # the carcass's `outer` panel, a `divider`, nothing (`free`: the next front follows), or the overhanging
+    # top (`under`), which fronts cannot cover
     kind: Literal["outer", "divider", "free", "under"]
-    thickness_m: float
+    thickness_m: float  # of that board
 
 
 @dataclass(frozen=True)

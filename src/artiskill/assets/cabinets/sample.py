@@ -103,9 +103,7 @@ def _draw_spec(
     cells = tuple(fill_cell(rng, config, place, style) for place in places if place.leaf is not None)
     if not _all_legal(cells):
         return None
-    appearance = sample_cabinet_appearance(rng, family.finishes)
-    if support.kind in _BOARDED and appearance.support.name not in _PLINTH_METALS:
-        appearance = replace(appearance, support=appearance.carcass)
+    appearance = _appearance(rng, family, support)
     return CabinetSpec(
         family=family.name,
         held_out=family.held_out,
@@ -126,6 +124,13 @@ def _draw_spec(
         appearance=appearance,
         density_kg_m3=_density(rng, appearance),
     )
+
+
+def _appearance(rng: np.random.Generator, family: CabinetFamilyConfig, support: Support) -> CabinetAppearance:
+    appearance = sample_cabinet_appearance(rng, family.finishes)
+    if support.kind in _BOARDED and appearance.support.name not in _PLINTH_METALS:
+        return replace(appearance, support=appearance.carcass)
+    return appearance
 
 
 def _wall(rng: np.random.Generator, config: WallConfig) -> Wall:
@@ -156,8 +161,7 @@ def _boards(place: Placement, depth: float, back: float, panel: float, front: Fr
     if place.leaf is None:
         rail = place.divider == "rail"
         return [Board(rect, first, first + _RAIL_DEPTH_M if rail else last, "rail" if rail else "divider")]
-    closed = place.leaf.kind == "door"
-    if closed:
+    if place.leaf.kind == "door":
         first += _SHELF_SETBACK_M + (front.thickness_m if front.mount == "inset" else 0.0)
     count = place.leaf.shelves
     boards = []

@@ -58,44 +58,29 @@ class Board:
 
 @dataclass(frozen=True)
 class HandleModel:
-    """One model of handle; the fronts of a cabinet share it.
+    """One model of handle; the fronts of a cabinet share it."""
 
-    Attributes:
-        kind: how it is built, a key of `pulls.BUILDERS`.
-        shape: a variant of the kind: its section (`round`, `square`, `flat`) or form, see the kind's builder.
-        diameter_m: of what the fingers close on: a bar, a knob's head, a ring's wire, a lip's board.
-        projection_m: from the front's face to the handle's outermost surface; how deep a slot is.
-        size_m: its extent across the direction in which it is long: a ring's outer diameter, a lip's flange, a
-            slot's opening, a cup's height; of a bar, a bow and a knob their diameter.
-        overhang_m: how far a bar reaches beyond its posts.
-        post_m: diameter of posts, of a knob's or a ring's neck.
-    """
-
-    kind: HandleKind
-    shape: str
-    diameter_m: float
-    projection_m: float
+    kind: HandleKind  # how it is built, see `pulls`
+    shape: str  # a variant of the kind: its section (`round`, `square`, `flat`) or form, see the kind's builder
+    diameter_m: float  # of what the fingers close on: a bar, a knob's head, a ring's wire, a lip's board
+    projection_m: float  # from the front's face to the handle's outermost surface; how deep a slot is
+    # its extent across the direction in which it is long: a ring's outer diameter, a lip's flange, a slot's
+    # opening, a cup's height; of a bar, a bow and a knob their diameter
     size_m: float
-    overhang_m: float
-    post_m: float
+    overhang_m: float  # how far a bar reaches beyond its posts
+    post_m: float  # diameter of posts, of a knob's or a ring's neck
 
 
 @dataclass(frozen=True)
 class HandlePlace:
-    """Where a handle sits on its front.
+    """Where a handle sits on its front."""
 
-    Attributes:
-        y, z: its centre.
-        length_m: distance of the posts of a bar, a bow or a cup; length of a lip or a slot; 0 for what is as long
-            as it is wide.
-        vertical: whether it stands upright.
-        mirrored: a lip's flange lies above it or to its right, where otherwise it lies below or to the left.
-    """
-
-    y: float
+    y: float  # of its centre
     z: float
+    # distance of the posts of a bar, a bow or a cup; length of a lip or a slot; 0 for knobs and rings
     length_m: float
-    vertical: bool
+    vertical: bool  # whether it stands upright
+    # a lip's flange lies above it or to its right, where otherwise it lies below or to the left
     mirrored: bool = False
 
     def reach(self, model: HandleModel) -> tuple[float, float]:
@@ -107,155 +92,95 @@ class HandlePlace:
 
 @dataclass(frozen=True)
 class Cell:
-    """One field of the front.
+    """One field of the front."""
 
-    Attributes:
-        kind: what fills it.
-        clear: the opening between the boards around it.
-        front: the rectangle of its front panel; None for an open cell.
-        face: what the front looks like.
-        hinge: the side of a door's hinge, as seen from the room, `top` and `bottom` for flaps; None otherwise.
-        limit: how far it opens: metres (drawer) or radians (door); 0 for what does not move.
-        box_height_m: height of a drawer's box, else 0.
-        box_length_m: depth of a drawer's box, else 0.
-        handle: None where there is none.
-    """
-
-    kind: CellKind
-    clear: Rect
-    front: Rect | None = None
-    face: FaceKind = "slab"
+    kind: CellKind  # what fills it
+    clear: Rect  # the opening between the boards around it
+    front: Rect | None = None  # the rectangle of its front panel; None for an open cell
+    face: FaceKind = "slab"  # what the front looks like
+    # the side of a door's hinge, as seen from the room, `top` and `bottom` for flaps; None otherwise
     hinge: Side | None = None
-    limit: float = 0.0
-    box_height_m: float = 0.0
-    box_length_m: float = 0.0
-    handle: HandlePlace | None = None
+    limit: float = 0.0  # how far it opens: metres (drawer) or radians (door); 0 for what does not move
+    box_height_m: float = 0.0  # height of a drawer's box, else 0
+    box_length_m: float = 0.0  # depth of a drawer's box, else 0
+    handle: HandlePlace | None = None  # None where there is none
 
 
 @dataclass(frozen=True)
 class Support:
-    """What the carcass stands on, or hangs on.
+    """What the carcass stands on, or hangs on."""
 
-    Attributes:
-        kind: a closed `plinth`, `sides` that reach the ground with a kick board between them, `legs`, `casters`,
-            the `floor` itself, or a `wall`, with nothing below.
-        height_m: of the carcass's lower edge above the ground.
-        setback_m: of what stands below, from the carcass's edges.
-        leg_m: thickness of legs, diameter of casters' wheels.
-        leg_shape: of legs.
-    """
-
+    # a closed `plinth`, `sides` that reach the ground with a kick board between them, `legs`, `casters`, the
+    # `floor` itself, or a `wall`, with nothing below
     kind: SupportKind
-    height_m: float
-    setback_m: float
-    leg_m: float
-    leg_shape: LegShape
+    height_m: float  # of the carcass's lower edge above the ground
+    setback_m: float  # of what stands below, from the carcass's edges
+    leg_m: float  # thickness of legs, diameter of casters' wheels
+    leg_shape: LegShape  # of legs
 
 
 @dataclass(frozen=True)
 class Wall:
-    """The wall that a cabinet hangs on: upright, plain, from the floor up, the cabinet before its middle.
-
-    Attributes:
-        width_m, height_m, thickness_m: its sizes.
-        surface: what it is painted with.
-    """
+    """The wall that a cabinet hangs on: upright, plain, from the floor up, the cabinet before its middle."""
 
     width_m: float
     height_m: float
     thickness_m: float
-    surface: Surface
+    surface: Surface  # what it is painted with
 
 
 @dataclass(frozen=True)
 class Top:
-    """The top board.
+    """The top board."""
 
-    Attributes:
-        thickness_m: all of it, steps of a moulding included.
-        front_m: how far it stands over the carcass in front.
-        side_m: likewise, at the sides.
-        steps: boards that it is made of, each standing out over the one below: more than one is a cornice.
-        upstand_m: height of a board along its back edge; 0 for none.
-    """
-
-    thickness_m: float
-    front_m: float
-    side_m: float
-    steps: int
-    upstand_m: float
+    thickness_m: float  # all of it, steps of a moulding included
+    front_m: float  # how far it stands over the carcass in front
+    side_m: float  # how far it stands over the carcass at the sides
+    steps: int  # boards that it is made of, each standing out over the one below: more than one is a cornice
+    upstand_m: float  # height of a board along its back edge; 0 for none
 
 
 @dataclass(frozen=True)
 class FrontStyle:
-    """What the fronts of a cabinet share.
+    """What the fronts of a cabinet share."""
 
-    Attributes:
-        mount: over the carcass's edges, or between them.
-        face: what they look like; small ones may be plainer.
-        thickness_m: of the panel, or of the frame.
-        gap_m: width of the slits.
-        frame_m: width of a frame's members; 0 for fronts without frames.
-        recess_m: how far the field lies behind its frame.
-        muntins: panes side by side and one above the other, of glazed fronts.
-        plank_m: width of the boards of a front of planks, distance of the slats of a louvred one.
-        bow_m: how far the face bulges out in the cabinet's middle.
-        knuckle_m: hinge axes stand this far before the face, as the knuckles of a barrel hinge do: an open door
-            then clears its neighbour's face at every angle.
-    """
-
-    mount: Literal["overlay", "inset"]
-    face: FaceKind
-    thickness_m: float
-    gap_m: float
-    frame_m: float
-    recess_m: float
-    muntins: tuple[int, int]
-    plank_m: float
-    bow_m: float
+    mount: Literal["overlay", "inset"]  # over the carcass's edges, or between them
+    face: FaceKind  # what they look like; small ones may be plainer
+    thickness_m: float  # of the panel, or of the frame
+    gap_m: float  # width of the slits
+    frame_m: float  # width of a frame's members; 0 for fronts without frames
+    recess_m: float  # how far the field lies behind its frame
+    muntins: tuple[int, int]  # panes side by side and one above the other, of glazed fronts
+    plank_m: float  # width of the boards of a front of planks, distance of the slats of a louvred one
+    bow_m: float  # how far the face bulges out in the cabinet's middle
+    # hinge axes stand this far before the face, as the knuckles of a barrel hinge do: an open door then clears
+    # its neighbour's face at every angle
     knuckle_m: float
 
 
 @dataclass(frozen=True)
 class CabinetSpec:
-    """One cabinet; see the module's docstring for frames and units.
+    """One cabinet; see the module's docstring for frames and units."""
 
-    Attributes:
-        family: kind of furniture.
-        held_out: whether it is of a family that training and test never see.
-        width_m, depth_m, height_m: outer sizes of the carcass, the height from the ground.
-        panel_m: thickness of the carcass's panels.
-        back_m: thickness of the back.
-        side_m: thickness of drawer boxes' sides.
-        bottom_m: thickness of drawer boxes' bottoms.
-        support, top, front: see there.
-        drawer_handle, door_handle: models of the handles.
-        cells: fields of the front, from the top left to the bottom right.
-        boards: dividers, rails and shelves.
-        appearance: materials.
-        density_kg_m3: of the board that it is made of.
-        wall: what it hangs on; None where it stands on the floor.
-    """
-
-    family: str
-    held_out: bool
-    width_m: float
-    depth_m: float
-    height_m: float
-    panel_m: float
-    back_m: float
-    side_m: float
-    bottom_m: float
+    family: str  # kind of furniture
+    held_out: bool  # whether it is of a family that training and test never see
+    width_m: float  # of the carcass
+    depth_m: float  # of the carcass
+    height_m: float  # from the ground to the top
+    panel_m: float  # thickness of the carcass's panels
+    back_m: float  # thickness of the back
+    side_m: float  # thickness of drawer boxes' sides
+    bottom_m: float  # thickness of drawer boxes' bottoms
     support: Support
     top: Top
     front: FrontStyle
     drawer_handle: HandleModel
     door_handle: HandleModel
-    cells: tuple[Cell, ...]
-    boards: tuple[Board, ...]
-    appearance: CabinetAppearance
-    density_kg_m3: float
-    wall: Wall | None = None
+    cells: tuple[Cell, ...]  # fields of the front, from the top left to the bottom right
+    boards: tuple[Board, ...]  # dividers, rails and shelves
+    appearance: CabinetAppearance  # materials
+    density_kg_m3: float  # of the board that it is made of
+    wall: Wall | None = None  # what it hangs on; None where it stands on the floor
 
     @property
     def face_x(self) -> float:

@@ -21,46 +21,27 @@ _DOOR_KINDS: tuple[HandleKind, ...] = ("bar", "bow", "knob")  # beside another k
 
 @dataclass(frozen=True)
 class CabinetStyle:
-    """What the doors and drawers of one cabinet share, so that they look and move like a set.
+    """What the doors and drawers of one cabinet share, so that they look and move like a set."""
 
-    Attributes:
-        depth_m: of the carcass.
-        back_m: thickness of its back panel.
-        front: look of the front panels.
-        drawer_handle, door_handle: models of the handles.
-        centres_m: distance of a handle's posts where the front is large enough.
-        drawer_drop_m: how far below a high drawer front's upper edge its handle sits; None: in the middle.
-        door_vertical: whether doors' handles stand upright.
-        door_level: where on the doors' height their handles sit.
-        door_margin_m: from the handle's end to the door's upper or lower edge.
-        door_edge_m: from an upright handle's axis to the door's free edge.
-        door_limit_rad: how far doors open where nothing is in the way.
-        flap_limit_rad: how far flaps open where nothing is in the way.
-        travel_fraction: how far drawers open, relative to their boxes' depth.
-        box_fraction: how much of the room above a drawer's floor its sides take up.
-        lip_fraction: length of lips, relative to their front.
-        lips_low: whether lips run along the lower edges.
-        slot_length_m: length of the cavities of flush bars.
-    """
-
-    depth_m: float
-    back_m: float
-    front: FrontStyle
+    depth_m: float  # of the carcass
+    back_m: float  # thickness of its back panel
+    front: FrontStyle  # look of the front panels
     drawer_handle: HandleModel
     door_handle: HandleModel
-    centres_m: float
+    centres_m: float  # distance of a handle's posts where the front is large enough
+    # how far below a high drawer front's upper edge its handle sits; None: in the middle
     drawer_drop_m: float | None
-    door_vertical: bool
-    door_level: Literal["upper", "middle", "lower"]
-    door_margin_m: float
-    door_edge_m: float
-    door_limit_rad: float
-    flap_limit_rad: float
-    travel_fraction: float
-    box_fraction: float
-    lip_fraction: float
-    lips_low: bool
-    slot_length_m: float
+    door_vertical: bool  # whether doors' handles stand upright
+    door_level: Literal["upper", "middle", "lower"]  # where on the doors' height their handles sit
+    door_margin_m: float  # from the handle's end to the door's upper or lower edge
+    door_edge_m: float  # from an upright handle's axis to the door's free edge
+    door_limit_rad: float  # how far doors open where nothing is in the way
+    flap_limit_rad: float  # how far flaps open where nothing is in the way
+    travel_fraction: float  # how far drawers open, relative to their boxes' depth
+    box_fraction: float  # how much of the room above a drawer's floor its sides take up
+    lip_fraction: float  # length of lips, relative to their front
+    lips_low: bool  # whether lips run along the lower edges
+    slot_length_m: float  # length of the cavities of flush bars
 
 
 def draw_style(
