@@ -319,7 +319,7 @@ def test_collision_shapes_hug_what_is_drawn(cabinet: tuple[CabinetSpec, Articula
             nearest = np.minimum(nearest, outside(shape, local))
         assert np.percentile(nearest, 80) < 0.004
         assert np.percentile(nearest, 95) < 0.0095
-        assert nearest.max() < 0.016  # runners, forks of casters and the bulge of mouldings are drawn, not touched
+        assert nearest.max() < 0.016  # runners, forks of casters and the bulge of mouldings are visual only
 
 
 def outside(shape: CollisionShape, points: np.ndarray) -> np.ndarray:
@@ -368,7 +368,7 @@ def pad_corners(handle: Handle, pose: int) -> np.ndarray:
 
 
 def test_open_fingers_fit_around_handles(cabinet: tuple[CabinetSpec, ArticulatedObject]) -> None:
-    """Neither the front behind nor anything else that is touched is in the fingertips' way."""
+    """Neither the front behind nor any other collision shape is in the fingertips' way."""
     _, obj = cabinet
     for handle in obj.handles:
         own = obj.links[obj.link_index(handle.link)]

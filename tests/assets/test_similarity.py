@@ -1,4 +1,4 @@
-"""The likeness of objects: twins, scaled and opened ones, order and colour."""
+"""The similarity of objects: duplicates, scaled and opened ones, order and colour."""
 
 from dataclasses import replace
 
@@ -27,9 +27,9 @@ def cabinet() -> ArticulatedObject:
     return load_object("generated:cabinet:3")
 
 
-def test_twins_and_copies_elsewhere(cabinet: ArticulatedObject) -> None:
+def test_duplicates_and_copies_elsewhere(cabinet: ArticulatedObject) -> None:
     first = describe(cabinet)
-    assert distance(first, describe(replace(cabinet, id="twin"))) < 1e-3
+    assert distance(first, describe(replace(cabinet, id="duplicate"))) < 1e-3
     root = cabinet.links[0]
     moved = replace(cabinet.links[0], position=root.position + np.array((0.3, -0.2, 0)))
     away = replace(cabinet, links=(moved, *cabinet.links[1:]), bounds=cabinet.bounds + np.array((0.3, -0.2, 0)))
@@ -48,8 +48,8 @@ def test_what_opens_differently_is_another_object(cabinet: ArticulatedObject) ->
         replace(link, joint=replace(link.joint, limits=(0.0, 0.02))) if link.joint is not None else link
         for link in cabinet.links
     )
-    first, twin = describe(cabinet), describe(replace(cabinet, id="twin"))
-    assert distance(first, describe(replace(cabinet, id="stuck", links=stuck))) > 5 * distance(first, twin)
+    first, duplicate = describe(cabinet), describe(replace(cabinet, id="duplicate"))
+    assert distance(first, describe(replace(cabinet, id="stuck", links=stuck))) > 5 * distance(first, duplicate)
 
 
 def test_symmetric_and_deterministic(cabinet: ArticulatedObject) -> None:

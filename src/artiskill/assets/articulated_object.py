@@ -47,7 +47,7 @@ class Material:
 
 @dataclass(frozen=True, eq=False)
 class VisualMesh:
-    """A drawn surface of a link, in the link's frame.
+    """A visual mesh of a link, in the link's frame.
 
     Attributes:
         mesh: triangles in the link's frame.
@@ -120,12 +120,12 @@ class Link:
             for what a cabinet hangs on.
         parent: index of the parent link, -1 for the root; a parent stands before its children.
         position: (3,) of the link's frame in the parent's at joint value 0.
-        quaternion: (4,) likewise.
+        quaternion: (4,) orientation in the parent's frame at joint value 0.
         joint: None for the root and for rigidly attached links.
-        visuals: what is drawn.
-        collisions: what touches.
+        visuals: its visual meshes.
+        collisions: its collision shapes.
         density_kg_m3: mass and inertia follow from it and the collision shapes.
-        surface_points: (N, 3) samples of the drawn surface, in the link's frame.
+        surface_points: (N, 3) samples of the visual meshes, in the link's frame.
     """
 
     name: str
@@ -140,13 +140,13 @@ class Link:
 
     @property
     def is_wall(self) -> bool:
-        """Whether it is no part of its object, but the wall that the object hangs on."""
+        """Whether it is the wall that the object hangs on, and no part of the object."""
         return self.name == ROOM_WALL and self.joint is None
 
 
 @dataclass(frozen=True, eq=False)
 class Handle:
-    """The part of a link that hands grip or hook, in the link's frame.
+    """The part of a link that a hand grips or hooks, in the link's frame.
 
     Attributes:
         link: name of the link that carries it.
@@ -222,8 +222,8 @@ class ArticulatedObject:
     def own_links(self) -> tuple[int, ...]:
         """Indices of the links that are the object itself: all but the wall that it hangs on.
 
-        The wall is seen and touched like them. It is left out where the object is measured: its size, its mass,
-        its likeness to others, how its picture is framed.
+        The wall is drawn and collides like them. It is left out where the object is measured: its size, its mass,
+        its similarity to others, how its picture is framed.
         """
         return tuple(i for i, link in enumerate(self.links) if not link.is_wall)
 
@@ -238,7 +238,7 @@ class ArticulatedObject:
         return _content_hash(self.category, self.links, self.handles, self.bounds, self.metadata)
 
     def link_index(self, name: str) -> int:
-        """Index of a link.
+        """Return the index of a link.
 
         Raises:
             UnknownNameError: no link has this name.
@@ -249,11 +249,11 @@ class ArticulatedObject:
         raise UnknownNameError("link", name, [link.name for link in self.links], f"(object {self.id!r})")
 
     def handles_of(self, link_name: str) -> tuple[Handle, ...]:
-        """The handles that a link carries, possibly none."""
+        """Return the handles that a link carries, possibly none."""
         return tuple(h for h in self.handles if h.link == link_name)
 
     def target_links(self, kind: JointKind) -> tuple[str, ...]:
-        """Names of the links that move by such a joint and carry a handle: legal targets."""
+        """Return the names of the links that move by such a joint and carry a handle: legal targets."""
         return tuple(
             link.name
             for link in self.links

@@ -115,7 +115,7 @@ class FamilyConfig(Protocol):
 
     @property
     def weight(self) -> float:
-        """How often the family is drawn, relative to the others that are held out or not alike."""
+        """How often the family is drawn, relative to the others with the same `held_out`."""
 
     @property
     def held_out(self) -> bool:

@@ -115,7 +115,7 @@ def _face_axes(hull: TriMesh, outward: np.ndarray) -> tuple[np.ndarray, np.ndarr
     flat = matmul(hull.vertices, np.stack((u, v), axis=1))
     edges = (flat[np.roll(hull.faces, -1, axis=1)] - flat[hull.faces]).reshape(-1, 2)
     edges = edges[norm(edges) > 1e-9]
-    # rounded before the modulo, lest an angle of -1e-17 becomes a right one; ties go to the least turned
+    # rounded before the modulo, as -1e-17 would become a right angle; ties go to the least turned
     angles = np.unique(np.round(arctan2(edges[:, 1], edges[:, 0]), 9) % round(np.pi / 2, 9))
     turns = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
     widths = np.ptp(matmul(flat, turns.T), axis=0)

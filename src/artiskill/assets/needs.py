@@ -20,7 +20,7 @@ class MovingLink:
 
 @dataclass(frozen=True)
 class Needs:
-    """What a task needs."""
+    """What a task needs of an object."""
 
     task: str  # its name, for messages
     category: Category  # of the objects
@@ -63,7 +63,7 @@ class Needs:
         self.check_links(obj.id, _moving_links(obj))
 
     def suits(self, obj: ArticulatedObject) -> bool:
-        """Whether an object is of the task's category and has a target."""
+        """Return whether an object is of the task's category and has a target."""
         return obj.category == self.category and self._has_target(_moving_links(obj))
 
     def _has_target(self, links: Iterable[MovingLink]) -> bool:
@@ -87,7 +87,7 @@ TASK_NEEDS = {
 
 
 def task_needs(task: str) -> Needs:
-    """What a task needs; a versioned environment id such as `ArtiSkill/OpenCabinetDoor-v0` is legal too.
+    """Return what a task needs; a versioned environment id such as `ArtiSkill/OpenCabinetDoor-v0` is legal too.
 
     Raises:
         UnknownNameError: no such task.

@@ -148,13 +148,13 @@ def _build_bow(model: HandleModel, length_m: float, sinks: Sinks) -> Pull:
     if model.shape == "arch":
         s = np.linspace(-1.0, 1.0, 15)
         path = np.stack((-out * (1 - power(np.abs(s), _ARCH_POWER)), 0 * s, half * s), axis=-1)
-        touched = path[[0, 3, 5, 9, 11, 14]]
+        coarse = path[[0, 3, 5, 9, 11, 14]]
     else:
         path = _d_path(out, half)
-        touched = np.array(((0.0, 0.0, -half), (-out, 0.0, -straight), (-out, 0.0, straight), (0.0, 0.0, half)))
-    for points in (path, touched):
+        coarse = np.array(((0.0, 0.0, -half), (-out, 0.0, -straight), (-out, 0.0, straight), (0.0, 0.0, half)))
+    for points in (path, coarse):
         points[0, 0], points[-1, 0] = sinks[0], sinks[2]
-    pieces = list(pairwise(touched))
+    pieces = list(pairwise(coarse))
     if model.shape == "strap":
         mesh = strip(path, _ACROSS_Y[0], width / 2, thick / 2, 4)
         low, high = (-out - thick / 2, -width / 2, -straight), (-out + thick / 2, width / 2, straight)
