@@ -62,7 +62,7 @@ def _convert_markdown(app, what, name, obj, options, lines: list[str]) -> None:
         if table:
             found += _list_table(table)
             table = []
-        found.append(line)
+        found.append(f".. rubric:: {line[3:]}" if line.startswith("## ") else line)
     lines[:] = found
 
 
