@@ -24,10 +24,9 @@ import artiskill
 from artiskill.assets.catalog import list_objects, load_object, resolve_objects
 from artiskill.cli.main import EXIT_ERROR, main
 from artiskill.demos.demo_file import DemoFile
-from artiskill.demos.demo_pack import PACK
-from artiskill.demos.demos import Demos, find_folders
-from artiskill.demos.replay.training_file import TrainingFile, TrainingFiles
+from artiskill.demos.demos import PACK, Demos, find_folders
 from artiskill.demos.stats import folder_stats
+from artiskill.demos.training_file import TrainingFile, TrainingFiles
 from artiskill.demos.verify import verify
 from artiskill.errors import ArtiSkillError
 from artiskill.evaluation.pictures import check_picture, save_object_picture, write_picture

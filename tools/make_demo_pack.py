@@ -10,8 +10,8 @@ from pathlib import Path
 
 import artiskill
 from artiskill.demos.collect import collect
-from artiskill.demos.demo_pack import PACK
-from artiskill.demos.plan import make_plan
+from artiskill.demos.demos import PACK
+from artiskill.demos.plan import CollectionOptions, make_plan
 from artiskill.demos.verify import verify
 from artiskill.tasks.registry import task_names
 
@@ -29,7 +29,7 @@ def main() -> None:
         for task in task_names():
             legal = artiskill.list_objects(split="train", task=task)
             objects = [legal[k * len(legal) // OBJECTS] for k in range(OBJECTS)]
-            collect(make_plan(task, objects, PER_OBJECT), new / task, workers)
+            collect(make_plan(task, objects, CollectionOptions(per_object=PER_OBJECT)), new / task, workers)
             verdicts = verify(new / task, workers)
             exact = sum(verdict.exact for verdict in verdicts)
             if exact != OBJECTS * PER_OBJECT:

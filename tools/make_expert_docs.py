@@ -16,7 +16,7 @@ import numpy as np
 from artiskill.assets.catalog import SPLITS, load_object
 from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.demos import Demos
-from artiskill.demos.header import TargetCount
+from artiskill.demos.file_format import TargetCount
 from artiskill.demos.verify import verify
 from artiskill.files import atomic_write
 from artiskill.gallery.tables import markdown

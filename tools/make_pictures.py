@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from artiskill.demos.demo_pack import load_demo_pack
+from artiskill.demos.demos import load_demo_pack
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.evaluation.evaluate import run_episode
 from artiskill.evaluation.pictures import save_demos_picture

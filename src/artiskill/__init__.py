@@ -19,7 +19,7 @@ _PUBLIC = {
     "ArticulatedObject": "artiskill.assets.articulated_object",
     "import_partnet": "artiskill.assets.partnet.importer",
     "list_objects": "artiskill.assets.catalog",
-    "load_demo_pack": "artiskill.demos.demo_pack",
+    "load_demo_pack": "artiskill.demos.demos",
     "load_object": "artiskill.assets.catalog",
     "evaluate": "artiskill.evaluation.evaluate",
     "ManipulationEnv": "artiskill.envs.manipulation",

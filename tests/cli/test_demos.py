@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from artiskill.cli.main import main
-from artiskill.demos import attempts
-from artiskill.demos.demo_pack import PACK, load_demo_pack
+from artiskill.demos import demonstrator
+from artiskill.demos.demos import PACK, load_demo_pack
 
 DRAWERS = str(PACK / "OpenCabinetDrawer")
 
@@ -123,7 +123,7 @@ def test_what_ends_attempts_is_said(
     def record(*arguments: object) -> None:
         raise np.linalg.LinAlgError("Singular matrix")
 
-    monkeypatch.setattr(attempts, "record", record)
+    monkeypatch.setattr(demonstrator, "record", record)
     assert main([*COLLECT, "--per-object", "60", "--out", str(tmp_path / "d")]) == 1
     told = "given up after 50 attempts, 0 of 60 trajectories; ended before their end, of 50 attempts: 50 by Lin"
     assert f"cabinet-0002, link_0: {told}" in capsys.readouterr().out
@@ -137,7 +137,7 @@ def test_ctrl_c_says_that_it_goes_on(
     def record(*arguments: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(attempts, "record", record)
+    monkeypatch.setattr(demonstrator, "record", record)
     out = str(tmp_path / "d")
     assert main([*COLLECT, "--out", out]) == 130
     assert (

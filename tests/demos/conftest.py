@@ -9,22 +9,20 @@ import numpy as np
 import pytest
 
 from artiskill.demos.collect import collect
-from artiskill.demos.config import load_demos_config
-from artiskill.demos.plan import Plan, make_plan
+from artiskill.demos.plan import CollectionOptions, CollectionPlan, make_plan
+from artiskill.demos.settings import load_demos_config
 
 OBJECTS = ["cabinet-0002", "cabinet-0026"]  # with one drawer, and with two
 PER_OBJECT = 3
 CONFIG = load_demos_config({"store.key_frame_steps": 30, "patience.attempts": 4, "block_levels": 2})
 
 
-def drawer_plan(**changes: Any) -> Plan:
+def drawer_plan(**changes: Any) -> CollectionPlan:
     """A plan of the small collection, or one that differs from it."""
-    return make_plan(
-        **(
-            {"task": "OpenCabinetDrawer", "objects": OBJECTS, "per_object": PER_OBJECT, "demos_config": CONFIG}
-            | changes
-        )
-    )
+    values = {"task": "OpenCabinetDrawer", "objects": OBJECTS, "per_object": PER_OBJECT, "demos_config": CONFIG}
+    values |= changes
+    of_plan = {name: values.pop(name) for name in ("task", "objects", "config", "demos_config") if name in values}
+    return make_plan(**of_plan, options=CollectionOptions(**values))
 
 
 @pytest.fixture(scope="session")
@@ -42,7 +40,7 @@ def own_drawers(drawers: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def plan() -> Callable[..., Plan]:
+def plan() -> Callable[..., CollectionPlan]:
     """`drawer_plan`."""
     return drawer_plan
 
@@ -56,7 +54,7 @@ class Stop(Exception):  # noqa: N818 - no error
     """Ends a collection."""
 
 
-def begin(made: Plan, folder: Path, attempts: int) -> None:
+def begin(made: CollectionPlan, folder: Path, attempts: int) -> None:
     """Collect, and stop after so many attempts."""
     heard = []
 

@@ -12,13 +12,18 @@ import pytest
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object
 from artiskill.demos import plan as planning
-from artiskill.demos.attempts import run_block
 from artiskill.demos.collect import Collection, collect
 from artiskill.demos.demo_file import DemoFile
-from artiskill.demos.demos import Demos
-from artiskill.demos.manifest import read_manifest, write_manifest
-from artiskill.demos.plan import Plan
-from artiskill.demos.unfinished import UNFINISHED, unfinished_objects, unlisted_files
+from artiskill.demos.demonstrator import run_collect_job
+from artiskill.demos.demos import (
+    UNFINISHED,
+    Demos,
+    read_manifest,
+    unfinished_objects,
+    unlisted_files,
+    write_manifest,
+)
+from artiskill.demos.plan import CollectionPlan
 from artiskill.demos.verify import verify
 from artiskill.errors import ConfigError, DemoError, PolicyError, UnknownNameError
 from artiskill.files import lock_folder
@@ -26,7 +31,7 @@ from artiskill.jobs.fork_server import fork_server
 
 from .conftest import PER_OBJECT, begin, contents
 
-MakePlan = Callable[..., Plan]
+MakePlan = Callable[..., CollectionPlan]
 
 # Collects, and is killed at the third attempt that it hears of, or writes files of at most so many bytes.
 COLLECTOR = """
@@ -242,7 +247,7 @@ def test_a_full_disk_damages_nothing(
 def test_every_target_can_have_as_many(plan: MakePlan) -> None:
     made = plan(objects=["cabinet-0012", "cabinet-0002"], per_object=None, per_target=4)
     for one in made.objects:
-        assert [stream.wanted for stream in made.streams(one)] == [4] * len(one.targets)
+        assert [queue.wanted for queue in made.queues(one)] == [4] * len(one.targets)
         assert made.wanted(one) == 4 * len(one.targets)
     assert len({len(one.targets) for one in made.objects}) == 2
     with pytest.raises(ConfigError, match="per object or per target, not both"):
@@ -334,11 +339,11 @@ def test_an_object_is_not_finished_while_somebody_is_at_it(plan: MakePlan, tmp_p
     hopeless = plan(config={"episode_steps": 5}, objects=["cabinet-0026"], per_object=20)
     (tmp_path / "crew").mkdir()
     collection = Collection(hopeless, tmp_path / "crew", lambda attempt: None)
-    blocks = list(iter(collection.next, None))
-    assert sum(len(block.levels) for block in blocks) == 20
-    for number, block in enumerate(blocks):
+    jobs = list(iter(collection.next, None))
+    assert sum(len(job.levels) for job in jobs) == 20
+    for number, job in enumerate(jobs):
         assert collection.manifest.files == {}
-        run_block(block, collection.take_in)
+        run_collect_job(job, collection.add_attempt)
         collection.finished(number, None)
     collect(hopeless, tmp_path / "one")
     assert contents(tmp_path / "crew") == contents(tmp_path / "one")

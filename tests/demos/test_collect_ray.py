@@ -12,15 +12,15 @@ from tests.jobs.two_nodes import TwoNodes
 
 from artiskill.assets.catalog import load_object
 from artiskill.cli.main import main
-from artiskill.demos.attempts import Attempt
 from artiskill.demos.collect import collect
-from artiskill.demos.plan import Plan
+from artiskill.demos.demonstrator import DemoAttempt
+from artiskill.demos.plan import CollectionPlan
 from artiskill.errors import ClusterError
 from artiskill.jobs.ray_jobs import RayCluster
 
 from .conftest import contents
 
-MakePlan = Callable[..., Plan]
+MakePlan = Callable[..., CollectionPlan]
 
 COMMAND = ["demos", "collect", "--task", "OpenCabinetDrawer", "--objects", "cabinet-0002", "--per-object", "2"]
 
@@ -70,7 +70,7 @@ def test_a_node_is_lost(root: Path, plan: MakePlan, tmp_path: Path, caplog: pyte
     assert contents(tmp_path / "ray") == contents(tmp_path / "local")
 
 
-def interrupt(attempt: Attempt) -> None:
+def interrupt(attempt: DemoAttempt) -> None:
     os.kill(os.getpid(), signal.SIGINT)
 
 

@@ -5,12 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from artiskill.demos import json_files
+from artiskill.demos import demos as module
 from artiskill.demos.demo_file import DemoFile
-from artiskill.demos.demos import Demos, find_folders
+from artiskill.demos.demos import Demos, find_folders, read_manifest, write_manifest
+from artiskill.demos.file_format import DEMONSTRATIONS
 from artiskill.demos.hdf5 import load_h5py
-from artiskill.demos.header import SCHEMA_VERSION
-from artiskill.demos.manifest import read_manifest, write_manifest
 from artiskill.errors import DemoError
 
 from .conftest import PER_OBJECT
@@ -137,7 +136,7 @@ def test_foreign(path: Path) -> None:
 
 
 def test_another_schema(path: Path) -> None:
-    newer = SCHEMA_VERSION + 1
+    newer = DEMONSTRATIONS.version + 1
     with pytest.raises(DemoError, match=rf"has schema version {newer}; this version of artiskill reads"):
         DemoFile(changed(path, schema_version=newer))
 
@@ -230,7 +229,7 @@ def test_a_manifest_names_files_of_its_folder_only(own_drawers: Path, name: str,
 def test_a_manifest_is_on_the_disk(own_drawers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A power cut leaves no empty one."""
     synced: list[int] = []
-    monkeypatch.setattr(json_files.os, "fsync", lambda handle: synced.append(os.fstat(handle).st_size))
+    monkeypatch.setattr(module.os, "fsync", lambda handle: synced.append(os.fstat(handle).st_size))
     write_manifest(read_manifest(own_drawers), own_drawers)
     assert synced == [(own_drawers / "manifest.json").stat().st_size]
 

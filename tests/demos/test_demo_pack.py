@@ -1,8 +1,7 @@
 import pytest
 
 import artiskill
-from artiskill.demos.demo_pack import PACK, load_demo_pack
-from artiskill.demos.demos import Demos
+from artiskill.demos.demos import PACK, Demos, load_demo_pack
 from artiskill.demos.verify import differences, verify
 from artiskill.errors import UnknownNameError
 from artiskill.tasks.registry import task_names

@@ -14,12 +14,10 @@ import numpy as np
 import pytest
 
 from artiskill.demos.demo_file import DemoFile
-from artiskill.demos.demo_pack import PACK
+from artiskill.demos.demos import PACK, entry_of, read_manifest, sha256_of, write_manifest
 from artiskill.demos.hdf5 import load_h5py, open_file
-from artiskill.demos.manifest import read_manifest, sha256_of, write_manifest
-from artiskill.demos.replay.training_file import TrainingFile
 from artiskill.demos.stats import folder_stats
-from artiskill.demos.unlisted import entry_of
+from artiskill.demos.training_file import TrainingFile
 from artiskill.demos.verify import verify
 from artiskill.errors import ArtiSkillError, DemoError
 

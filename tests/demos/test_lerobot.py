@@ -14,7 +14,7 @@ from tests.demos.test_minari import TASK, training_files
 from artiskill.demos.export.lerobot import export_lerobot
 from artiskill.demos.export.lerobot_features import action_names, camera_names
 from artiskill.demos.export.lerobot_stats import add_up, numbers_stats, pictures_stats
-from artiskill.demos.replay.training_file import TrainingFile
+from artiskill.demos.training_file import TrainingFile
 from artiskill.envs.control import JOINT, OPERATIONAL
 from artiskill.errors import ConfigError, DemoError, MissingExtraError
 

@@ -14,7 +14,7 @@ import pytest
 from tests.demos.test_minari import training_files
 
 from artiskill.demos.export.lerobot import export_lerobot
-from artiskill.demos.replay.training_file import TrainingFile
+from artiskill.demos.training_file import TrainingFile
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("default")]
 

@@ -9,13 +9,11 @@ import pytest
 
 from artiskill.assets.catalog import load_object
 from artiskill.demos.collect import collect
-from artiskill.demos.demo_pack import load_demo_pack
+from artiskill.demos.demos import load_demo_pack, read_manifest
 from artiskill.demos.export.minari import export_minari
 from artiskill.demos.hdf5 import load_h5py
-from artiskill.demos.manifest import read_manifest
-from artiskill.demos.replay.replay import replay
-from artiskill.demos.replay.settings import ReplaySettings, make_sampling
-from artiskill.demos.replay.training_file import TrainingFile, TrainingFiles
+from artiskill.demos.replay import replay
+from artiskill.demos.training_file import ReplaySettings, TrainingFile, TrainingFiles, make_sampling
 from artiskill.errors import ConfigError, DemoError
 from artiskill.files import lock_folder
 from artiskill.versions import versions

@@ -1,16 +1,21 @@
-"""What is checked before anything is collected."""
+"""What is checked before anything is collected, and which levels are tried."""
 
 import dataclasses
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
 from artiskill.demos import plan as planning
-from artiskill.demos.plan import Plan
+from artiskill.demos.plan import CollectionPlan, LevelQueue, ObjectPlan
+from artiskill.demos.settings import GiveUpConfig
 from artiskill.errors import ConfigError
 
-MakePlan = Callable[..., Plan]
+from .conftest import drawer_plan
+
+MakePlan = Callable[..., CollectionPlan]
+PATIENCE = GiveUpConfig(attempts=10, least_rate=0.25)
 
 
 @pytest.mark.parametrize(
@@ -48,3 +53,75 @@ def test_the_order_of_ranges_is_hashed(plan: MakePlan, monkeypatch: pytest.Monke
     assert turned == variation
     monkeypatch.setattr(planning, "load_variation", lambda task: turned)
     assert plan().settings.expert.config_hash != before
+
+
+def queue(wanted: int = 7) -> LevelQueue:
+    return LevelQueue("link_1", first=3, stride=2, wanted=wanted, patience=PATIENCE)
+
+
+def solved(level: int, rate: float) -> bool:
+    """Chance that depends on the level alone."""
+    return bool(np.random.default_rng(level).uniform() < rate)
+
+
+def first_successes(wanted: int, rate: float) -> list[int]:
+    """Levels up to the last one that counts, by plain counting."""
+    levels: list[int] = []
+    successes = 0
+    while successes < wanted and not (len(levels) >= 10 and successes < 0.25 * len(levels)):
+        levels.append(3 + 2 * len(levels))
+        successes += solved(levels[-1], rate)
+    return levels
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.1, 0.3, 0.6, 1.0])
+@pytest.mark.parametrize("seed", range(5))
+def test_whoever_tries_what_when_the_same_levels_count(rate: float, seed: int, rng: np.random.Generator) -> None:
+    rng = np.random.default_rng(seed)
+    tried, at_work = queue(), []
+    while tried.end is None:
+        taken = tried.take(int(rng.integers(1, 4)))
+        assert tried.successes + len(tried.in_progress) <= tried.wanted
+        at_work += list(taken)
+        if rng.uniform() < 0.1:  # killed: what was being tried is lost
+            left = queue()
+            left.outcomes = dict(tried.outcomes)
+            tried, at_work = left, []
+        elif at_work:
+            level = at_work.pop(int(rng.integers(len(at_work))))
+            tried.add_result(level, solved(level, rate))
+    assert list(tried.levels) == first_successes(7, rate)
+
+
+def test_no_attempt_is_in_vain_where_it_is_not_given_up() -> None:
+    tried = queue()
+    while tried.end is None:
+        for level in tried.take(3):
+            tried.add_result(level, solved(level, 0.6))
+    assert sorted(tried.outcomes) == list(tried.levels)
+    assert tried.outcomes[tried.levels[-1]]
+    assert tried.take(3) == ()
+
+
+def queues_of(chosen: tuple[str, ...]) -> list[LevelQueue]:
+    """Of an object with three targets, 11 trajectories in all, from level 100 on."""
+    settings = dataclasses.replace(drawer_plan().settings, per_object=11, first_level=100)
+    made = ObjectPlan("cabinet-0002", "cabinet-0002", "hash", ("link_1", "link_2", "link_3"), chosen)
+    return CollectionPlan(settings, (made,), (), 1).queues(made)
+
+
+def test_targets_share_an_object_and_no_level() -> None:
+    queues = queues_of(("link_1", "link_2", "link_3"))
+    assert [one.wanted for one in queues] == [4, 4, 3]
+    levels = [[one.level(k) for k in range(3)] for one in queues]
+    assert levels == [[100, 103, 106], [101, 104, 107], [102, 105, 108]]
+
+
+def test_a_target_has_the_same_levels_whichever_are_chosen() -> None:
+    (only,) = queues_of(("link_2",))
+    assert (only.wanted, only.level(0), only.level(1)) == (11, 101, 104)
+
+
+def test_nothing_to_do() -> None:
+    assert queue(wanted=0).end == 0
+    assert queue(wanted=0).take(5) == ()

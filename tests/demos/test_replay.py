@@ -7,18 +7,20 @@ from typing import Any
 import numpy as np
 import pytest
 
+import artiskill.demos.replay as module
 from artiskill.assets.catalog import load_object
-from artiskill.demos.config import load_demos_config
 from artiskill.demos.demo_file import DemoFile
-from artiskill.demos.demos import Demos
+from artiskill.demos.demos import UNFINISHED, Demos, read_manifest, write_manifest
 from artiskill.demos.hdf5 import load_h5py
-from artiskill.demos.manifest import read_manifest
-from artiskill.demos.replay import replay as replaying
-from artiskill.demos.replay.manifest import TrainingManifest, write_training_manifest
-from artiskill.demos.replay.replay import replay
-from artiskill.demos.replay.settings import ReplaySettings, make_sampling
-from artiskill.demos.replay.training_file import TrainingFile, TrainingFiles
-from artiskill.demos.unfinished import UNFINISHED
+from artiskill.demos.replay import replay
+from artiskill.demos.settings import load_demos_config
+from artiskill.demos.training_file import (
+    ReplaySettings,
+    TrainingFile,
+    TrainingFiles,
+    TrainingManifest,
+    make_sampling,
+)
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.wrappers import PointCloudDownsample
 from artiskill.errors import ConfigError, DemoError, UnknownNameError
@@ -105,7 +107,7 @@ def test_any_number_of_workers(drawers: Path, clouds: Path, tmp_path: Path) -> N
 
 
 def test_it_goes_on_where_it_was_killed(drawers: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(replaying, "_BLOCK_TRAJECTORIES", 2)
+    monkeypatch.setattr(module, "_JOB_TRAJECTORIES", 2)
     folder, settings = tmp_path / "killed", settings_for(drawers)
     replay(drawers, tmp_path / "at once", settings)
     told = 0
@@ -187,10 +189,10 @@ def test_another_control_mode(drawers: Path, tmp_path: Path) -> None:
 def test_what_is_no_longer_solved_is_left_out(
     drawers: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("artiskill.demos.replay.retarget._MORE_STEPS", 0)
-    monkeypatch.setattr("artiskill.demos.trajectory.Trajectory.__len__", lambda self: 20)
+    monkeypatch.setattr("artiskill.demos.replay_episode._MORE_STEPS", 0)
+    monkeypatch.setattr("artiskill.demos.demo_file.Trajectory.__len__", lambda self: 20)
     monkeypatch.setattr(
-        "artiskill.demos.trajectory.Trajectory.actions", property(lambda self: self.recording.actions[:20])
+        "artiskill.demos.demo_file.Trajectory.actions", property(lambda self: self.recording.actions[:20])
     )
     state = {"obs_mode": "state", "sampling": None, "seen": {}, "count": 1}
     manifest = replay(drawers, tmp_path / "a", settings_for(drawers, **state), objects=["cabinet-0002"])
@@ -212,7 +214,7 @@ def test_images(drawers: Path, tmp_path: Path) -> None:
 
 
 def test_a_count_is_shared_by_the_targets(drawers: Path) -> None:
-    from artiskill.demos.replay.choice import choose
+    from artiskill.demos.replay import choose
 
     with DemoFile(drawers / "cabinet-0026.h5") as file:
         assert [str(file.trajectory(k).target) for k in range(3)] == ["link_0", "link_0", "link_1"]
@@ -287,7 +289,7 @@ def relist(folder: Path) -> None:
     """The manifest's checksum as somebody would change it who wants the file to look true."""
     import json
 
-    from artiskill.demos.manifest import sha256_of
+    from artiskill.demos.demos import sha256_of
 
     content = json.loads((folder / "manifest.json").read_text())
     content["files"]["cabinet-0002.h5"]["sha256"] = sha256_of(folder / "cabinet-0002.h5")
@@ -364,7 +366,7 @@ STATE = {"obs_mode": "state", "sampling": None, "seen": {}, "way": "restore"}
 
 def begun(drawers: Path, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A replay that was killed after its first block of one trajectory; the block's file."""
-    monkeypatch.setattr(replaying, "_BLOCK_TRAJECTORIES", 1)
+    monkeypatch.setattr(module, "_JOB_TRAJECTORIES", 1)
     told: list[object] = []
 
     def die(news: object) -> None:
@@ -419,7 +421,7 @@ def test_a_lost_manifest_is_no_licence(drawers: Path, tmp_path: Path, monkeypatc
         missing_of(drawers, tmp_path / "a", compression=0)
     assert part.exists()
     # somebody has put a manifest of other settings there: parts of the first ones are not taken over
-    write_training_manifest(TrainingManifest(settings_for(drawers, **STATE, compression=0)), tmp_path / "a")
+    write_manifest(TrainingManifest(settings_for(drawers, **STATE, compression=0)), tmp_path / "a")
     assert missing_of(drawers, tmp_path / "a", compression=0) == 6
     (tmp_path / "a" / "manifest.json").unlink()
     before = contents(tmp_path / "a")
@@ -454,7 +456,10 @@ def test_training_files_can_be_checked(clouds: Path, tmp_path: Path) -> None:
     files = TrainingFiles(own)
     assert [file.object for file in files.files()] == ["cabinet-0002", "cabinet-0026"]
     for read in (lambda: TrainingFiles(own, check=True), lambda: list(files.files(check=True))):
-        with pytest.raises(DemoError, match=r"cabinet-0026.h5' was changed or damaged: remove it"):
+        with pytest.raises(
+            DemoError,
+            match=r"cabinet-0026.h5' is not the file .*; it was changed or damaged: remove it and replay",
+        ):
             read()
 
 
@@ -485,10 +490,13 @@ def test_a_full_disk(drawers: Path, clouds: Path, tmp_path: Path, monkeypatch: p
 def test_free_objects_are_put_in_place(tmp_path: Path) -> None:
     """A bucket, its bail and its ball: what is restored is what was there, as far as it was written down."""
     from artiskill.demos.collect import collect
-    from artiskill.demos.plan import make_plan
+    from artiskill.demos.plan import CollectionOptions, make_plan
 
     config = load_demos_config({"store.key_frame_steps": 40})
-    collect(make_plan("MoveBucket", ["bucket-0001"], 1, demos_config=config), tmp_path / "demos")
+    collect(
+        make_plan("MoveBucket", ["bucket-0001"], CollectionOptions(per_object=1), demos_config=config),
+        tmp_path / "demos",
+    )
     state = {"obs_mode": "state", "sampling": None, "seen": {}}
     for way in ("simulate", "restore"):
         replay(tmp_path / "demos", tmp_path / way, settings_for(tmp_path / "demos", **state, way=way))

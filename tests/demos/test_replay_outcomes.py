@@ -11,12 +11,11 @@ from tests.demos.test_replay import STATE, relist, settings_for
 
 from artiskill.cli.main import main
 from artiskill.demos.export.minari import export_minari
+from artiskill.demos.file_format import ATTEMPT_TYPE
 from artiskill.demos.hdf5 import load_h5py
-from artiskill.demos.replay.blocks import Replayed
-from artiskill.demos.replay.choice import choose
-from artiskill.demos.replay.replay import replay
-from artiskill.demos.replay.training_file import TrainingFile, TrainingFiles
-from artiskill.demos.writing import ATTEMPT_TYPE
+from artiskill.demos.replay import choose, replay
+from artiskill.demos.replay_jobs import ReplayedTrajectory
+from artiskill.demos.training_file import TrainingFile, TrainingFiles
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import DivergedError
 
@@ -58,7 +57,7 @@ def test_a_divergence_ends_one_trajectory_only(
         return step_of(env, action)
 
     monkeypatch.setattr(ManipulationEnv, "step", step)
-    news: list[Replayed] = []
+    news: list[ReplayedTrajectory] = []
     settings = settings_for(drawers, **PLAYED, keep_failures=True)
     manifest = replay(drawers, tmp_path / "t", settings, objects=["cabinet-0002"], on_replayed=news.append)
     (entry,) = manifest.files.values()

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from artiskill.demos.replay.retarget import Retarget
+from artiskill.demos.replay_episode import Retarget
 from artiskill.envs.control import Control
 from artiskill.envs.manipulation import ManipulationEnv
 

@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.demos import attempts, recording
+from artiskill.demos import demonstrator, recording
 from artiskill.demos.collect import collect
-from artiskill.demos.coverage import Visits
 from artiskill.demos.demos import Demos
 from artiskill.demos.hdf5 import load_h5py
-from artiskill.demos.plan import Plan
+from artiskill.demos.plan import CollectionPlan
 from artiskill.demos.recording import Recording
-from artiskill.demos.stats import folder_stats
+from artiskill.demos.stats import Coverage, folder_stats
 from artiskill.errors import DemoError
 
 
@@ -34,29 +33,29 @@ def states(
 
 
 def test_a_base_is_seen_from_the_object() -> None:
-    visits = Visits(is_fixed=True)
-    visits.add(states([[1.0, 2.1], [1.0, 2.2]], [1.0, 1.0], np.pi / 2, [0.0, 0.0]), "link_1", 0, (0.0, 1.0))
-    assert visits.base == 1 / 400
-    visits.add(states([[2.1, 0.0]], [1.0, 0.0], 0.0, [0.0]), "link_1", 0, (0.0, 1.0))  # the same place
-    assert visits.base == 1 / 400
-    visits.add(states([[9.0, 0.0], [-2.4, 0.0]], [0.0, 0.0], 0.0, [0.0] * 2), "link_1", 0, (0.0, 1.0))
-    assert visits.base == 2 / 400  # the first is out of reach
+    coverage = Coverage(is_fixed=True)
+    coverage.add(states([[1.0, 2.1], [1.0, 2.2]], [1.0, 1.0], np.pi / 2, [0.0, 0.0]), "link_1", 0, (0.0, 1.0))
+    assert coverage.base == 1 / 400
+    coverage.add(states([[2.1, 0.0]], [1.0, 0.0], 0.0, [0.0]), "link_1", 0, (0.0, 1.0))  # the same place
+    assert coverage.base == 1 / 400
+    coverage.add(states([[9.0, 0.0], [-2.4, 0.0]], [0.0, 0.0], 0.0, [0.0] * 2), "link_1", 0, (0.0, 1.0))
+    assert coverage.base == 2 / 400  # the first is out of reach
 
 
 def test_joints_count_in_shares_of_their_range() -> None:
-    visits = Visits(is_fixed=True)
+    coverage = Coverage(is_fixed=True)
     opening = list(np.linspace(0.1, 0.6, 100))  # the lower half of the range
-    visits.add(states([[0.0, 0.0]] * 100, [0.0, 0.0], 0.0, opening), "link_1", 0, (0.1, 1.1))
-    assert visits.object == pytest.approx(0.5, abs=0.051)
-    visits.add(states([[0.0, 0.0]], [0.0, 0.0], 0.0, [5.0]), "link_2", 0, (0.1, 1.1))
-    assert visits.object == pytest.approx((0.525 + 0.05) / 2, abs=0.03)
+    coverage.add(states([[0.0, 0.0]] * 100, [0.0, 0.0], 0.0, opening), "link_1", 0, (0.1, 1.1))
+    assert coverage.object == pytest.approx(0.5, abs=0.051)
+    coverage.add(states([[0.0, 0.0]], [0.0, 0.0], 0.0, [5.0]), "link_2", 0, (0.1, 1.1))
+    assert coverage.object == pytest.approx((0.525 + 0.05) / 2, abs=0.03)
 
 
 def test_a_free_object_counts_by_its_place() -> None:
-    visits = Visits(is_fixed=False)
+    coverage = Coverage(is_fixed=False)
     for x in (-0.1, 0.1, 0.2):
-        visits.add(states([[0.0, 0.0]], [x, 0.1], 0.0, [0.0]), "base", 0, (0.0, 1.0))
-    assert visits.object == 2 / 400
+        coverage.add(states([[0.0, 0.0]], [x, 0.1], 0.0, [0.0]), "base", 0, (0.0, 1.0))
+    assert coverage.object == 2 / 400
 
 
 def test_a_folder_in_numbers(drawers: Path) -> None:
@@ -77,7 +76,7 @@ def test_a_folder_in_numbers(drawers: Path) -> None:
 
 
 def test_failures_and_unequal_objects_count_by_number(
-    plan: Callable[..., Plan], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    plan: Callable[..., CollectionPlan], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of one object one of two attempts is solved, of the other both of two."""
 
@@ -86,7 +85,7 @@ def test_failures_and_unequal_objects_count_by_number(
             raise np.linalg.LinAlgError("Singular matrix")
         return recording.record(env, obj, level, *rest)
 
-    monkeypatch.setattr(attempts, "record", record)
+    monkeypatch.setattr(demonstrator, "record", record)
     collect(plan(per_object=None, per_target=1), tmp_path)
     stats = folder_stats(tmp_path)
     assert [one.success_rate for one in stats.objects] == [0.5, 1.0]
@@ -98,7 +97,7 @@ def test_failures_and_unequal_objects_count_by_number(
 
 
 def test_a_file_of_other_options_is_not_counted(
-    own_drawers: Path, plan: Callable[..., Plan], tmp_path: Path
+    own_drawers: Path, plan: Callable[..., CollectionPlan], tmp_path: Path
 ) -> None:
     collect(plan(objects=["cabinet-0002"], per_object=1), tmp_path / "other")
     (tmp_path / "other" / "cabinet-0002.h5").replace(own_drawers / "cabinet-0002.h5")

@@ -11,12 +11,12 @@ import pytest
 from tests.demos.test_replay import SMALL, STATE, settings_for
 
 from artiskill.cli.main import main
+from artiskill.demos.demos import sha256_of
 from artiskill.demos.export.lerobot import export_lerobot
 from artiskill.demos.export.minari import export_minari
 from artiskill.demos.hdf5 import load_h5py
-from artiskill.demos.manifest import sha256_of
-from artiskill.demos.replay.replay import replay
-from artiskill.demos.replay.training_file import TrainingFile, TrainingFiles
+from artiskill.demos.replay import replay
+from artiskill.demos.training_file import TrainingFile, TrainingFiles
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import DemoError, UnknownNameError
 

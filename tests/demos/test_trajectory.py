@@ -4,9 +4,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from artiskill.demos.demo_file import DemoFile
-from artiskill.demos.instants import simulation_arrays
-from artiskill.demos.trajectory import Trajectory
+from artiskill.demos.demo_file import DemoFile, Trajectory
+from artiskill.demos.recording import simulation_arrays
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.state import EnvState
 from artiskill.errors import DemoError, StateError

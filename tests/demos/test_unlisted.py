@@ -7,16 +7,14 @@ from pathlib import Path
 import pytest
 
 from artiskill.demos.collect import collect
-from artiskill.demos.demos import Demos
+from artiskill.demos.demos import Demos, read_manifest, unlisted_files, write_manifest
 from artiskill.demos.hdf5 import load_h5py
-from artiskill.demos.manifest import read_manifest, write_manifest
-from artiskill.demos.plan import Plan
-from artiskill.demos.unfinished import unlisted_files
+from artiskill.demos.plan import CollectionPlan
 from artiskill.errors import DemoError
 
 from .conftest import begin, contents
 
-MakePlan = Callable[..., Plan]
+MakePlan = Callable[..., CollectionPlan]
 
 
 def test_a_lost_manifest_is_no_licence(own_drawers: Path, plan: MakePlan, tmp_path: Path) -> None:

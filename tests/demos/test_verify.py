@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from artiskill.demos.demos import read_manifest, sha256_of
 from artiskill.demos.hdf5 import load_h5py
-from artiskill.demos.manifest import read_manifest, sha256_of
 from artiskill.demos.verify import verify
 from artiskill.errors import ConfigError, DemoError
 

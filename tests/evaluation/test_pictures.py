@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageSequence
 
-from artiskill.demos.demo_pack import load_demo_pack
+from artiskill.demos.demos import load_demo_pack
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.observation import ObservationContext
 from artiskill.envs.rendering import Viewpoint

@@ -9,8 +9,8 @@ import pytest
 
 from artiskill.demos.collect import collect
 from artiskill.demos.demo_file import DemoFile
-from artiskill.demos.plan import make_plan
-from artiskill.demos.verify import Verdict
+from artiskill.demos.plan import CollectionOptions, make_plan
+from artiskill.demos.verify import VerifyResult
 
 
 @pytest.fixture
@@ -23,7 +23,7 @@ def test_the_page_says_what_the_files_hold(
 ) -> None:
     page, folder = tmp_path / "experts.md", tmp_path / "drawers"
     page.write_text(f"before\n{tool.BEGIN}\nof old\n{tool.END}\nafter\n")
-    collect(make_plan("OpenCabinetDrawer", ["cabinet-0002"], 2), folder)
+    collect(make_plan("OpenCabinetDrawer", ["cabinet-0002"], CollectionOptions(per_object=2)), folder)
     with DemoFile(folder / "cabinet-0002.h5") as file:
         first, second = sorted(len(trajectory) for trajectory in file)
         attempts = len(file.attempts)
@@ -41,7 +41,7 @@ def test_the_page_says_what_the_files_hold(
     assert tool.main(arguments) == 0
     assert re.sub(" +", " ", page.read_text()) == text
 
-    verdict = Verdict("", "cabinet-0002", 2, 100, 1, ("one differs",))
+    verdict = VerifyResult("", "cabinet-0002", 2, 100, 1, ("one differs",))
     monkeypatch.setattr(tool, "verify", lambda *given, **options: [verdict])
     assert tool.main(arguments) == 1
     assert "| 1 of 2 |" in re.sub(" +", " ", page.read_text())

@@ -10,26 +10,26 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from artiskill.demos.header import TargetCount
-    from artiskill.demos.manifest import FileEntry, Manifest
-    from artiskill.demos.plan import Plan
-    from artiskill.demos.replay.manifest import TrainingEntry, TrainingManifest
+    from artiskill.demos.demos import FileEntry, Manifest
+    from artiskill.demos.file_format import TargetCount
+    from artiskill.demos.plan import CollectionPlan
     from artiskill.demos.settings import Settings
     from artiskill.demos.stats import ObjectStats, Stats
-    from artiskill.demos.verify import Verdict
+    from artiskill.demos.training_file import TrainingEntry, TrainingManifest
+    from artiskill.demos.verify import VerifyResult
 
 COLLECTED = "collected"
 _PIPED_WIDTH = 120  # a file or pipe has no width of its own
 _MOST_FAULTS = 5  # of a file
 
 
-def print_collection(plan: "Plan", manifest: "Manifest", folder: Path) -> bool:
+def print_collection(plan: "CollectionPlan", manifest: "Manifest", folder: Path) -> bool:
     """Print a row per object of a plan, and a line about each target with faults, or that was given up.
 
     Returns:
         Whether any was given up.
     """
-    from artiskill.demos.unlisted import file_name
+    from artiskill.demos.demos import file_name
 
     console, table = _console(), _table("object", "targets", "solved", "attempts", "rate", "kB each")
     entries = [manifest.files[file_name(one.id)] for one in plan.objects]
@@ -46,30 +46,28 @@ def print_collection(plan: "Plan", manifest: "Manifest", folder: Path) -> bool:
     return any(count.gave_up for entry in entries for count in entry.targets)
 
 
-def print_verdicts(verdicts: Sequence["Verdict"]) -> None:
+def print_verify_results(results: Sequence["VerifyResult"]) -> None:
     """Print a row per file, and what is wrong."""
     from rich.markup import escape
 
     console, table = _console(), _table("file", "trajectories", "steps", "bit-exact", "faults")
-    for verdict in verdicts:
-        path = Path(verdict.path)
-        share = f"{verdict.exact}/{verdict.trajectories}"
-        style = "bold red" if verdict.faults else ""
-        cells = (str(verdict.trajectories), str(verdict.steps), share, str(len(verdict.faults)))
+    for result in results:
+        path = Path(result.path)
+        share = f"{result.exact}/{result.trajectories}"
+        style = "bold red" if result.faults else ""
+        cells = (str(result.trajectories), str(result.steps), share, str(len(result.faults)))
         table.add_row(f"{path.parent.name}/{path.name}", *cells, style=style)
     console.print(table)
-    for verdict in verdicts:
-        for fault in verdict.faults[:_MOST_FAULTS]:
-            console.print(f"[bold red]{escape(Path(verdict.path).name)}[/]: {escape(fault)}", soft_wrap=True)
-        if len(verdict.faults) > _MOST_FAULTS:
-            console.print(f"... and {len(verdict.faults) - _MOST_FAULTS} more faults of this file")
-    trajectories, exact = sum(v.trajectories for v in verdicts), sum(v.exact for v in verdicts)
-    faulty = sum(bool(v.faults) for v in verdicts)
-    verdict_text = (
-        f"[bold red]{faulty} of {len(verdicts)} files fail[/]" if faulty else "[bold]all is as recorded[/]"
-    )
-    if verdicts:
-        console.print(f"{exact} of {trajectories} trajectories bit-exact: {verdict_text}", soft_wrap=True)
+    for result in results:
+        for fault in result.faults[:_MOST_FAULTS]:
+            console.print(f"[bold red]{escape(Path(result.path).name)}[/]: {escape(fault)}", soft_wrap=True)
+        if len(result.faults) > _MOST_FAULTS:
+            console.print(f"... and {len(result.faults) - _MOST_FAULTS} more faults of this file")
+    trajectories, exact = sum(v.trajectories for v in results), sum(v.exact for v in results)
+    faulty = sum(bool(v.faults) for v in results)
+    summary = f"[bold red]{faulty} of {len(results)} files fail[/]" if faulty else "[bold]all is as recorded[/]"
+    if results:
+        console.print(f"{exact} of {trajectories} trajectories bit-exact: {summary}", soft_wrap=True)
     else:
         console.print("there are no files yet: nothing was compared")
 
@@ -116,7 +114,7 @@ def print_replay(manifest: "TrainingManifest", folder: Path, frames: int, second
 
 def note_unfinished(folder: Path, doing: str = COLLECTED) -> None:
     """Print a line if what is being done in a folder has not come to its end, and one if files lie beside it."""
-    from artiskill.demos.unfinished import unfinished_objects, unlisted_files
+    from artiskill.demos.demos import unfinished_objects, unlisted_files
 
     count = len(unfinished_objects(folder))
     if count:

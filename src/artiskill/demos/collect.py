@@ -1,4 +1,4 @@
-"""Collecting demonstrations into a folder: whatever ends it, the same command goes on from where it was."""
+"""Collecting demonstrations into a folder: however it ends, the same command continues where it stopped."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -6,29 +6,36 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
+from artiskill.assets.articulated_object import LEGAL_ID
 from artiskill.assets.catalog import load_object
-from artiskill.demos.attempts import Attempt, Block, fault_kind, run_block
+from artiskill.demos.attempt_store import AttemptStore
 from artiskill.demos.demo_file import DemoFile
-from artiskill.demos.header import TargetCount
-from artiskill.demos.json_files import MANIFEST
-from artiskill.demos.manifest import Manifest, check_file, read_manifest, write_manifest
-from artiskill.demos.plan import ObjectPlan, Plan
-from artiskill.demos.settings import Settings, settings_hash
-from artiskill.demos.staging import Staging
-from artiskill.demos.streams import Stream
-from artiskill.demos.unfinished import WORKER_HINT
-from artiskill.demos.unlisted import entry_of, file_name, with_unlisted
-from artiskill.demos.writing import make_header, write_object_file
-from artiskill.errors import ConfigError, DemoError, shown
+from artiskill.demos.demonstrator import CollectJob, DemoAttempt, fault_kind, run_collect_job
+from artiskill.demos.demos import (
+    MANIFEST,
+    WORKER_HINT,
+    Manifest,
+    check_file,
+    check_listed,
+    entry_of,
+    file_name,
+    read_manifest,
+    unlisted_files,
+    write_manifest,
+)
+from artiskill.demos.file_format import TargetCount, make_header, write_object_file
+from artiskill.demos.plan import CollectionPlan, LevelQueue, ObjectPlan
+from artiskill.demos.settings import Settings, check_workers, settings_hash
+from artiskill.errors import DemoError
 from artiskill.files import lock_folder, remove_leftovers
 from artiskill.jobs.parallel import run_source
 from artiskill.jobs.ray_jobs import RayCluster, connected
 
-OnAttempt = Callable[[Attempt], None]
+OnAttempt = Callable[[DemoAttempt], None]
 
 
 def collect(
-    plan: Plan,
+    plan: CollectionPlan,
     folder: Path | str,
     workers: int = 1,
     on_attempt: OnAttempt | None = None,
@@ -37,8 +44,8 @@ def collect(
 ) -> Manifest:
     """Collect what a plan asks for.
 
-    The files are a function of the plan only, bit for bit: neither the number of workers or machines, nor the
-    order in which they come to their ends, nor how often the collection is killed and goes on, changes them.
+    The plan determines the files, bit for bit: neither the number of workers or machines, nor the order in which
+    they finish, nor how often the collection is killed and continued, changes them.
 
     Args:
         plan: see `make_plan`.
@@ -46,7 +53,7 @@ def collect(
         workers: processes.
         on_attempt: called after every attempt.
         on_start: called once, when it is known what an earlier collector has left.
-        cluster: play there, and not in `workers` processes here.
+        cluster: where to work, instead of in `workers` processes here.
 
     Raises:
         MissingExtraError: a cluster without the extra `distributed`.
@@ -56,8 +63,7 @@ def collect(
         PolicyError: a worker ended by itself, or an episode met an error that is not its own.
     """
     folder = Path(folder)
-    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
-        raise ConfigError(f"workers must be a whole number of at least 1, not {shown(workers)}")
+    check_workers(workers)
     with ExitStack() as stack:
         local = partial(run_source, workers=workers, hint=WORKER_HINT)
         run = local if cluster is None else stack.enter_context(connected(cluster))
@@ -66,12 +72,12 @@ def collect(
         if on_start is not None:
             on_start(collection)
         collection.finish_ready()
-        run(run_block, collection, on_message=collection.take_in, describe=lambda block: block.label)
-        return collection.manifest
+        run(run_collect_job, collection, on_message=collection.add_attempt, describe=lambda job: job.label)
+    return collection.manifest
 
 
 class Collection:
-    """A collection on its way; the jobs of `run_source` are its blocks of levels.
+    """A collection in progress; its jobs, for `run_source`, are levels of one target.
 
     Args:
         plan: what is collected.
@@ -86,77 +92,75 @@ class Collection:
         DemoError: the folder holds a collection of other settings, or is damaged.
     """
 
-    def __init__(self, plan: Plan, folder: Path, on_attempt: OnAttempt) -> None:
+    def __init__(self, plan: CollectionPlan, folder: Path, on_attempt: OnAttempt) -> None:
         self.restored = 0
         self._plan, self._folder, self._on_attempt = plan, folder, on_attempt
-        self._staging = Staging(folder, settings_hash(plan.settings))
-        self._open: dict[str, tuple[ObjectPlan, list[Stream]]] = {}
+        self._store = AttemptStore(folder, settings_hash(plan.settings))
+        self._open: dict[str, tuple[ObjectPlan, list[LevelQueue]]] = {}
         self.manifest = self._open_manifest()
         for one in plan.objects:
             if self._is_finished(one):
-                self._staging.remove(one.id)
+                self._store.remove(one.id)
                 continue
-            self._open[one.id] = one, plan.streams(one)
-            for attempt in self._staging.load(one.id, one.content_hash):
-                self._take_back(attempt)
+            self._open[one.id] = one, plan.queues(one)
+            for attempt in self._store.load(one.id, one.content_hash):
+                self._restore(attempt)
         remove_leftovers(folder)
         write_manifest(self.manifest, folder)
         for name in self._open:
-            self._staging.begin(name)
+            self._store.begin(name)
 
     @property
     def missing(self) -> int:
         """Successful trajectories that are still to be made, if no target is given up."""
-        streams = [stream for _, streams in self._open.values() for stream in streams if stream.end is None]
-        return sum(stream.wanted - stream.successes for stream in streams)
+        queues = [queue for _, queues in self._open.values() for queue in queues if queue.end is None]
+        return sum(queue.wanted - queue.successes for queue in queues)
 
-    def next(self) -> Block | None:
-        """The next block of levels."""
-        for one, streams in self._open.values():
-            for stream in streams:
-                levels = stream.take(self._plan.block_levels)
+    def next(self) -> CollectJob | None:
+        """Return the next job."""
+        for one, queues in self._open.values():
+            for queue in queues:
+                levels = queue.take(self._plan.block_levels)
                 if levels:
-                    return Block(self._plan.settings, one.item, stream.target, levels)
+                    return CollectJob(self._plan.settings, one.item, queue.target, levels)
         return None
 
-    def take_in(self, attempt: Attempt) -> None:
-        """Keep an attempt."""
-        self._staging.save(attempt, self._open[attempt.object][0].content_hash)
-        self._stream(attempt).tell(attempt.level, attempt.success)
+    def add_attempt(self, attempt: DemoAttempt) -> None:
+        """Store an attempt that a worker has made."""
+        one, queues = self._open[attempt.object]
+        self._store.save(attempt, one.content_hash)
+        queue = next(queue for queue in queues if queue.target == attempt.target)
+        queue.add_result(attempt.level, attempt.success)
         self._on_attempt(attempt)
 
     def finished(self, number: int, result: None) -> None:
-        """A block has been worked through."""
+        """Note that a job is finished."""
         self.finish_ready()
 
     def finish_ready(self) -> None:
         """Write the files of objects with nothing left to try."""
-        for one, streams in list(self._open.values()):
-            is_at_work = any(stream.handed_out for stream in streams)
-            if not is_at_work and all(stream.end is not None for stream in streams):
-                self._finish(one, streams)
+        for one, queues in list(self._open.values()):
+            if all(queue.end is not None and not queue.in_progress for queue in queues):
+                self._finish(one, queues)
                 del self._open[one.id]
 
-    def _stream(self, attempt: Attempt) -> Stream:
-        return next(s for s in self._open[attempt.object][1] if s.target == attempt.target)
-
-    def _take_back(self, attempt: Attempt) -> None:
-        """An earlier collector's attempt; one that nobody would make counts for nothing."""
-        for stream in self._open[attempt.object][1]:
-            if stream.target == attempt.target and stream.has(attempt.level):
-                stream.tell(attempt.level, attempt.success)
+    def _restore(self, attempt: DemoAttempt) -> None:
+        """Add an earlier collector's attempt; one at a level that is not its target's does not count."""
+        for queue in self._open[attempt.object][1]:
+            if queue.target == attempt.target and queue.owns(attempt.level):
+                queue.add_result(attempt.level, attempt.success)
                 self.restored += attempt.success
 
     def _open_manifest(self) -> Manifest:
-        """The folder's manifest, which must be of the plan's settings; one made anew where there is none."""
+        """Return the folder's manifest, which must be of the plan's settings; a new one where there is none."""
         wanted = self._plan.settings
         if (self._folder / MANIFEST).exists():
             manifest = read_manifest(self._folder)
             _check_same(self._folder, manifest.settings, wanted)
         else:
             manifest = Manifest(wanted)
-            self._staging.check()
-        return with_unlisted(manifest, self._folder)
+            self._store.check()
+        return _with_unlisted(manifest, self._folder)
 
     def _is_finished(self, one: ObjectPlan) -> bool:
         path = self._folder / file_name(one.id)
@@ -170,12 +174,12 @@ class Collection:
                 f"{entry.content_hash}, now it is {one.content_hash}; choose another folder"
             )
         with DemoFile(path) as file:
-            file.check_listed(self._plan.settings, entry)
+            check_listed(file, self._plan.settings, entry)
         return True
 
-    def _finish(self, one: ObjectPlan, streams: list[Stream]) -> None:
-        known = {(a.target, a.level): a for a in self._staging.load(one.id, one.content_hash)}
-        counted = [(stream.target, level) for stream in streams for level in stream.levels]
+    def _finish(self, one: ObjectPlan, queues: list[LevelQueue]) -> None:
+        known = {(a.target, a.level): a for a in self._store.load(one.id, one.content_hash)}
+        counted = [(queue.target, level) for queue in queues for level in queue.levels]
         lost = [key for key in counted if key not in known]
         if lost:
             raise DemoError(
@@ -184,7 +188,7 @@ class Collection:
             )
         attempts = [known[key] for key in counted]
         faults = {key: fault_kind(attempt.fault) for key, attempt in known.items()}
-        counts = tuple(_count(stream, faults) for stream in streams)
+        counts = tuple(_count(queue, faults) for queue in queues)
         obj = load_object(one.item) if isinstance(one.item, str) else one.item
         header = make_header(obj, self._plan.settings, counts, self._plan.flag_names, attempts)
         path = self._folder / file_name(one.id)
@@ -192,25 +196,25 @@ class Collection:
         with DemoFile(path) as file:
             self.manifest = self.manifest.with_file(path.name, entry_of(file))
         write_manifest(self.manifest, self._folder)
-        self._staging.remove(one.id)
+        self._store.remove(one.id)
 
 
-def _count(stream: Stream, faults: Mapping[tuple[str, int], str]) -> TargetCount:
-    """What came of a stream; of each target and level, the kind of fault that ended it."""
-    kinds = sorted(fault for level in stream.levels if (fault := faults[stream.target, level]))
-    successes = sum(stream.outcomes[level] for level in stream.levels)
+def _count(queue: LevelQueue, faults: Mapping[tuple[str, int], str]) -> TargetCount:
+    """Count what came of a target; `faults` has the kind of fault of each target and level."""
+    kinds = sorted(fault for level in queue.levels if (fault := faults[queue.target, level]))
+    successes = sum(queue.outcomes[level] for level in queue.levels)
     return TargetCount(
-        target=stream.target,
-        wanted=stream.wanted,
+        target=queue.target,
+        wanted=queue.wanted,
         successes=successes,
-        attempts=len(stream.levels),
-        gave_up=successes < stream.wanted,
+        attempts=len(queue.levels),
+        gave_up=successes < queue.wanted,
         faults=dict(Counter(kinds)),
     )
 
 
 def _check_same(folder: Path, there: Settings, here: Settings) -> None:
-    """See whether two collections' settings are the same."""
+    """Raise `DemoError` unless a folder's settings are the plan's."""
     if there.task != here.task:
         raise DemoError(
             f"{str(folder)!r} holds demonstrations of {there.task}, not of {here.task}; choose another folder"
@@ -220,3 +224,34 @@ def _check_same(folder: Path, there: Settings, here: Settings) -> None:
         raise DemoError(
             f"{str(folder)!r} holds demonstrations of other settings ({differences}); choose another folder"
         )
+
+
+def _with_unlisted(manifest: Manifest, folder: Path) -> Manifest:
+    """Return the manifest with the files of the folder that it did not list; each is read whole.
+
+    Raises:
+        DemoError: one was made with other settings, or is damaged, or no file of demonstrations.
+    """
+    for path in unlisted_files(folder):
+        try:
+            with DemoFile(path) as file:
+                _check_belongs(file, manifest)
+                manifest = manifest.with_file(path.name, entry_of(file))
+        except DemoError as error:
+            raise DemoError(
+                f"{str(folder)!r} has a file that its manifest does not list, and that does not fit: {error}; "
+                "move it elsewhere, or choose another folder"
+            ) from error
+    return manifest
+
+
+def _check_belongs(file: DemoFile, manifest: Manifest) -> None:
+    object_id, name = file.header.object, file.path.name
+    differences = file.header.settings.differences(manifest.settings)
+    if differences:
+        raise DemoError(f"{name} was made with other settings ({differences})")
+    if name != file_name(object_id) or not LEGAL_ID.fullmatch(object_id):
+        raise DemoError(f"{name} holds demonstrations of {object_id!r}")
+    file.check_counts()
+    for number in range(len(file)):
+        file.trajectory(number)

@@ -1,27 +1,35 @@
-"""An expert as a demonstrator: its actions in the environment's own control mode, as they are stored."""
+"""Experts as demonstrators: their actions as they are stored, and their attempts at a level."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from artiskill.demos.config import load_demos_config
-from artiskill.demos.instants import rounded
+from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.assets.catalog import load_object, object_id_of
+from artiskill.demos.recording import Recording, record, rounded
+from artiskill.demos.settings import Settings, load_demos_config
 from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.errors import ArtiSkillError, DivergedError, PolicyError
 from artiskill.experts.registry import Expert, make_expert
 from artiskill.experts.variation import Disturbance, load_variation, varied
 from artiskill.tasks.levels import RngStream, level_generator
 
-_MANNER, _PUSHES = 0, 1  # parts of the stream
+_STYLE, _PUSHES = 0, 1  # parts of the random stream
+# what becomes of single episodes; anything else is a fault of the program, and ends the collection
+FAULTS = (DivergedError, ArithmeticError, np.linalg.LinAlgError)
 
 
 class Demonstrator:
-    """Acts as the task's expert, in a manner of its own in every episode, and disturbed now and then.
+    """Acts as the task's expert, in a style of its own in every episode, and disturbed now and then.
 
-    Manner and disturbances are fixed by level, object and target. Every episode has an expert of its own, for no
+    Level, object and target determine style and disturbances. Every episode has an expert of its own, for no
     episode may depend on the one before.
 
     Args:
         env: in which it acts.
-        variety: without it the expert acts in its usual manner, undisturbed.
-        action_bits: actions are multiples of 2 to the power of minus this; by default as `demos.yaml` says.
+        variety: without it the expert acts in its usual style, undisturbed.
+        action_bits: actions are multiples of 2**-action_bits; by default as `demos.yaml` says.
 
     Attributes:
         disturbed: whether the last action was another than the expert had wanted.
@@ -43,11 +51,11 @@ class Demonstrator:
         config, self._disturbance = self._config, None
         if self._variation is not None:
             state = env.save_state()
-            manner, pushes = (
+            style, pushes = (
                 level_generator(state.level, RngStream.DEMONSTRATING, part, of=(state.object, state.target))
-                for part in (_MANNER, _PUSHES)
+                for part in (_STYLE, _PUSHES)
             )
-            config = varied(config, self._variation.ranges, manner)
+            config = varied(config, self._variation.ranges, style)
             self._disturbance = Disturbance(
                 self._variation.disturbance,
                 env.control.joint_scale.half_range,
@@ -60,10 +68,10 @@ class Demonstrator:
         self.disturbed = False
 
     def act(self, env: ManipulationEnv) -> np.ndarray:
-        """The next action, (A,) float32.
+        """Return the next action, (A,) float32.
 
         Raises:
-            FloatingPointError: the expert's is not finite.
+            FloatingPointError: the expert's action is not finite.
         """
         assert self._expert is not None
         wanted = self._expert.act(env.snapshot, env.goal)
@@ -79,19 +87,19 @@ class Demonstrator:
         return pushed
 
     def _stored(self, action: np.ndarray, env: ManipulationEnv) -> np.ndarray:
-        """A joint action (R,) in the environment's control mode, clipped and rounded as it is stored."""
+        """Return a joint action (R,) in the environment's control mode, clipped and rounded as it is stored."""
         action = env.control.of_joint_action(action, env.snapshot)
         return rounded(np.clip(action, -1.0, 1.0), self._action_bits)
 
 
-class Replay:
+class RecordedActions:
     """Acts as it was recorded.
 
     Args:
         actions: (T, A).
 
     Attributes:
-        disturbed: False: nobody knows from the actions.
+        disturbed: False: the actions do not tell.
     """
 
     disturbed = False
@@ -104,9 +112,96 @@ class Replay:
         self._step = 0
 
     def act(self, env: ManipulationEnv) -> np.ndarray | None:
-        """The next action; None if there are no more."""
+        """Return the next action; None if there are no more."""
         if self._step == len(self._actions):
             return None
         self._step += 1
         action: np.ndarray = self._actions[self._step - 1]
         return action
+
+
+@dataclass(frozen=True, eq=False)
+class DemoAttempt:
+    """What came of one episode.
+
+    Attributes:
+        object: id.
+        target: link.
+        level: of the episode.
+        success: whether it was solved.
+        steps: how many it took.
+        fault: what ended the episode before its end, as `fault_text` says it; else empty.
+        recording: None of a failed attempt, unless failures are kept.
+    """
+
+    object: str
+    target: str
+    level: int
+    success: bool
+    steps: int
+    fault: str
+    recording: Recording | None
+
+
+@dataclass(frozen=True, eq=False)
+class CollectJob:
+    """Levels that one worker plays.
+
+    Attributes:
+        settings: of the collection.
+        object: an id, or the object itself where no id leads to it.
+        target: link.
+        levels: of the episodes.
+    """
+
+    settings: Settings
+    object: str | ArticulatedObject
+    target: str
+    levels: tuple[int, ...]
+
+    @property
+    def label(self) -> str:
+        """The job's name in errors."""
+        return f"object {object_id_of(self.object)}, target {self.target}, levels from {self.levels[0]}"
+
+
+def run_collect_job(job: CollectJob, send: Callable[[DemoAttempt], None]) -> None:
+    """Make the attempts of a job, and send each."""
+    obj = load_object(job.object) if isinstance(job.object, str) else job.object
+    env = job.settings.make_env([obj])
+    demonstrator = Demonstrator(env, job.settings.variety, job.settings.store.action_bits)
+    for level in job.levels:
+        send(_make_attempt(env, obj, demonstrator, job, level))
+
+
+def _make_attempt(
+    env: ManipulationEnv, obj: ArticulatedObject, demonstrator: Demonstrator, job: CollectJob, level: int
+) -> DemoAttempt:
+    """Play one level.
+
+    Raises:
+        PolicyError: what cannot be an episode's fault; it names the episode.
+    """
+    settings, name = job.settings, obj.id
+    episode = f"object {name}, target {job.target}, level {level}"
+    try:
+        recording = record(env, obj, level, job.target, demonstrator, settings.store)
+    except FAULTS as error:
+        return DemoAttempt(name, job.target, level, False, 0, fault_text(error), None)
+    except ArtiSkillError as error:
+        raise PolicyError(f"{episode}: {error}") from error
+    except Exception as error:
+        error.add_note(episode)
+        raise
+    kept = recording if recording.success or settings.keep_failures else None
+    return DemoAttempt(name, job.target, level, recording.success, len(recording.actions), "", kept)
+
+
+def fault_text(error: BaseException) -> str:
+    """Return what ended an episode as reports and tables of attempts have it; it begins with the kind."""
+    return f"{type(error).__name__}: {error}"
+
+
+def fault_kind(text: str) -> str:
+    """Return the kind of a fault, `DivergedError`, say; empty where there is none."""
+    return text.partition(":")[0]

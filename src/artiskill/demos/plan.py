@@ -1,7 +1,7 @@
-"""What is to be collected, checked before the first step is simulated."""
+"""What is to be collected, checked before the first step is simulated; and which levels are tried for it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -9,9 +9,17 @@ import numpy as np
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import checked_hash, load_object, resolve_objects
 from artiskill.config import check
-from artiskill.demos.config import DemosConfig, load_demos_config
-from artiskill.demos.settings import CONTROLLER, ExpertInfo, Settings, mapping_hash, plain, task_hash
-from artiskill.demos.streams import Stream, make_streams
+from artiskill.demos.settings import (
+    CONTROLLER,
+    DemosConfig,
+    ExpertInfo,
+    GiveUpConfig,
+    Settings,
+    load_demos_config,
+    mapping_hash,
+    plain,
+    task_hash,
+)
 from artiskill.envs.control import CONTROL_MODES, JOINT
 from artiskill.envs.manipulation import ObjectChoice
 from artiskill.errors import ConfigError, UnknownNameError, check_name, shown
@@ -25,6 +33,129 @@ from artiskill.versions import versions
 PER_OBJECT = 300  # as many as the paper has
 
 
+@dataclass(frozen=True, kw_only=True)
+class CollectionOptions:
+    """How an expert demonstrates, and how much; see `make_plan`.
+
+    Attributes:
+        per_object: successful trajectories of each object, shared evenly by its targets; 300 unless this or
+            `per_target` is given.
+        per_target: successful trajectories of each target.
+        targets: only these links, in any order; every object must have one of them.
+        control_mode: of the stored actions.
+        first_level: of each object.
+        keep_failures: store failed attempts, too.
+        variety: let the expert's style differ from episode to episode, and disturb it now and then.
+    """
+
+    per_object: int | None = None
+    per_target: int | None = None
+    targets: Sequence[str] | None = None
+    control_mode: str = JOINT
+    first_level: int = 0
+    keep_failures: bool = False
+    variety: bool = True
+
+    def __post_init__(self) -> None:
+        if self.per_object is not None and self.per_target is not None:
+            raise ConfigError("trajectories are wanted per object or per target, not both")
+        for name in ("keep_failures", "variety"):
+            given = getattr(self, name)
+            check(isinstance(given, bool), f"{name} must be True or False, not {shown(given)}")
+        check_name("control mode", self.control_mode, CONTROL_MODES)
+        for kind, count in (("object", self.per_object), ("target", self.per_target)):
+            is_legal = isinstance(count, int) and not isinstance(count, bool) and 1 <= count <= MAX_LEVEL
+            rule = f"must be a whole number from 1 to {MAX_LEVEL}"
+            check(count is None or is_legal, f"the trajectories per {kind} {rule}, not {shown(count)}")
+        check_level(self.first_level)
+        names = self.targets
+        if names is not None:
+            is_legal = not isinstance(names, str) and bool(names) and all(isinstance(name, str) for name in names)
+            check(is_legal, f"targets must be a list of names of links, ['link_0'] say, not {shown(names)}")
+
+
+@dataclass
+class LevelQueue:
+    """The levels to try for one target of one object, and what came of them; no simulation.
+
+    Target number k of n legal ones has the levels first + k, first + k + n, first + k + 2 n, ...: no two targets
+    of an object start from the same state. The first `wanted` successes in this order count, so that it does not
+    matter which worker makes which attempt when. There are never more levels in progress than successes missing.
+    So no attempt is in vain unless the target is given up, and every level before the last success is tried.
+
+    Attributes:
+        target: link.
+        first: its first level.
+        stride: between its levels.
+        wanted: successes.
+        patience: when the target is given up.
+        outcomes: level -> success, of those that were tried.
+        in_progress: levels that workers are trying.
+    """
+
+    target: str
+    first: int
+    stride: int
+    wanted: int
+    patience: GiveUpConfig
+    outcomes: dict[int, bool] = field(default_factory=dict)
+    in_progress: set[int] = field(default_factory=set)
+
+    def level(self, number: int) -> int:
+        """Return the level that is tried as the `number`-th, from 0."""
+        return self.first + number * self.stride
+
+    def owns(self, level: int) -> bool:
+        """Return whether a level is one of this target's."""
+        return level >= self.first and (level - self.first) % self.stride == 0
+
+    def take(self, most: int) -> tuple[int, ...]:
+        """Return levels to try next; none if those in progress may be enough."""
+        if self.end is not None:
+            return ()
+        missing = self.wanted - self.successes - len(self.in_progress)
+        levels: list[int] = []
+        number = 0
+        while len(levels) < min(most, missing) and (level := self.level(number)) <= MAX_LEVEL:
+            if level not in self.outcomes and level not in self.in_progress:
+                levels.append(level)
+            number += 1
+        self.in_progress.update(levels)
+        return tuple(levels)
+
+    def add_result(self, level: int, success: bool) -> None:
+        """Note what came of a level."""
+        self.in_progress.discard(level)
+        self.outcomes[level] = success
+
+    @property
+    def successes(self) -> int:
+        """Successes so far, in any order."""
+        return sum(self.outcomes.values())
+
+    @property
+    def end(self) -> int | None:
+        """How many attempts count, in the levels' order; None if that is not known yet.
+
+        A target that runs out of levels is given up.
+        """
+        successes = attempts = 0
+        while successes < self.wanted and not self.patience.gives_up(attempts, successes):
+            if self.level(attempts) > MAX_LEVEL:
+                break
+            success = self.outcomes.get(self.level(attempts))
+            if success is None:
+                return None
+            attempts, successes = attempts + 1, successes + success
+        return attempts
+
+    @property
+    def levels(self) -> tuple[int, ...]:
+        """The levels that count, in order, of a queue that has come to its end."""
+        assert self.end is not None
+        return tuple(self.level(number) for number in range(self.end))
+
+
 @dataclass(frozen=True, eq=False)
 class ObjectPlan:
     """One object to demonstrate with.
@@ -33,8 +164,8 @@ class ObjectPlan:
         item: its id, or the object itself where no id leads to it.
         id: of the object.
         content_hash: of the object.
-        targets: all that the task can be done with.
-        chosen: those that are demonstrated.
+        targets: all that the task can be done with; they decide which target has which levels.
+        chosen: those that are demonstrated, in the same order.
     """
 
     item: str | ArticulatedObject
@@ -45,14 +176,14 @@ class ObjectPlan:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class CollectionPlan:
     """A collection that is ready to run.
 
     Attributes:
         settings: of all its files.
         objects: to demonstrate with.
         flag_names: of the task.
-        block_levels: attempts that a worker makes at a stretch.
+        block_levels: attempts in one job of a worker.
     """
 
     settings: Settings
@@ -61,118 +192,77 @@ class Plan:
     block_levels: int
 
     def wanted(self, one: ObjectPlan) -> int:
-        """Successful trajectories of an object."""
+        """Return how many successful trajectories are wanted of an object."""
         settings = self.settings
         return settings.per_object or (settings.per_target or 0) * len(one.chosen)
 
-    def streams(self, one: ObjectPlan) -> list[Stream]:
-        """The levels to try for an object."""
-        settings = self.settings
-        return make_streams(one.targets, one.chosen, self.wanted(one), settings.first_level, settings.patience)
+    def queues(self, one: ObjectPlan) -> list[LevelQueue]:
+        """Return the levels to try for an object, a queue per target.
+
+        The targets share the trajectories evenly; the first ones take what is left over.
+        """
+        first_level, patience = self.settings.first_level, self.settings.patience
+        share, left = divmod(self.wanted(one), len(one.chosen))
+        return [
+            LevelQueue(name, first_level + one.targets.index(name), len(one.targets), share + (k < left), patience)
+            for k, name in enumerate(one.chosen)
+        ]
 
 
 def make_plan(
     task: str,
     objects: ObjectChoice = "train",
-    per_object: int | None = None,
+    options: CollectionOptions | None = None,
     *,
-    per_target: int | None = None,
-    targets: Sequence[str] | None = None,
-    control_mode: str = JOINT,
-    first_level: int = 0,
-    keep_failures: bool = False,
-    variety: bool = True,
     config: Mapping[str, Any] | None = None,
     demos_config: DemosConfig | None = None,
-) -> Plan:
-    """Check everything that can be checked beforehand.
+) -> CollectionPlan:
+    """Return the plan of a collection; everything that can be checked beforehand is checked here.
 
     Args:
         task: name of the task.
         objects: a split, an id, a list of ids, or `ArticulatedObject`s.
-        per_object: successful trajectories of each, which its targets share evenly; 300 unless either is given.
-        per_target: successful trajectories of each target.
-        targets: only these links, in whatever order; every object must have one of them.
-        control_mode: of the stored actions.
-        first_level: of each object.
-        keep_failures: store failed attempts, too.
-        variety: let the expert's manner differ from episode to episode, and disturb it now and then.
+        options: how the task is demonstrated, and how often.
         config: values of the task's YAML to change.
         demos_config: how demonstrations are stored and when a target is given up; by default the package's.
 
     Raises:
-        UnknownNameError: an unknown task, object, split, target link or control mode.
-        ConfigError: an illegal number, or an unknown or illegal configuration value.
+        UnknownNameError: an unknown task, object, split or target link.
+        ConfigError: an unknown or illegal configuration value, or more trajectories than there are levels.
         AssetError: an object that the task cannot use, or that differs from the catalogue's of that id.
         PolicyError: the task has no expert.
     """
-    if per_object is not None and per_target is not None:
-        raise ConfigError("trajectories are wanted per object or per target, not both")
-    for name, given in (("keep_failures", keep_failures), ("variety", variety)):
-        check(isinstance(given, bool), f"{name} must be True or False, not {shown(given)}")
-    made, demos_config = make_task(task, config), demos_config or load_demos_config()
-    check_name("control mode", control_mode, CONTROL_MODES)
-    if per_object is None and per_target is None:
-        per_object = PER_OBJECT
-    settings = Settings(
-        task=task,
-        control_mode=control_mode,
-        per_object=_count(per_object, "object"),
-        per_target=_count(per_target, "target"),
-        first_level=check_level(first_level),
-        targets=_links(targets),
-        keep_failures=keep_failures,
-        variety=variety,
-        config=plain(made.config),
-        config_hash=task_hash(made),
-        expert=_expert_info(made, variety),
-        store=demos_config.store,
-        patience=demos_config.patience,
-        versions=versions(),
-    )
+    options, demos_config = options or CollectionOptions(), demos_config or load_demos_config()
+    made = make_task(task, config)
+    settings = _make_settings(made, options, demos_config)
     found = tuple(_plan_object(made, item, settings.targets) for item in resolve_objects(objects, task=task))
-    _check_targets(settings, found)
-    plan = Plan(settings, found, made.flag_names, demos_config.block_levels)
+    legal = dict.fromkeys(name for one in found for name in one.targets)
+    for name in settings.targets or ():
+        check_name("target link", name, legal, f"(no object has it, {task})")
+    plan = CollectionPlan(settings, found, made.flag_names, demos_config.block_levels)
     _check_levels(plan)
     return plan
 
 
-def _check_targets(settings: Settings, objects: Sequence[ObjectPlan]) -> None:
-    """See whether some object has each of the wanted targets."""
-    legal = dict.fromkeys(name for one in objects for name in one.targets)
-    for name in settings.targets or ():
-        if name not in legal:
-            raise UnknownNameError("target link", name, legal, f"(no object has it, {settings.task})")
-
-
-def _check_levels(plan: Plan) -> None:
-    """See whether there are as many levels as trajectories are wanted."""
-    for one in plan.objects:
-        for stream in plan.streams(one):
-            if stream.level(stream.wanted - 1) > MAX_LEVEL:
-                raise ConfigError(
-                    f"{stream.wanted} trajectories of {one.id!r}, {stream.target}, need the levels "
-                    f"{stream.level(0)} to {stream.level(stream.wanted - 1)}; the last one is {MAX_LEVEL}: "
-                    "begin with a lower first level, or want fewer"
-                )
-
-
-def _count(wanted: int | None, of: str) -> int | None:
-    """How many trajectories, checked."""
-    if wanted is None:
-        return None
-    is_legal = isinstance(wanted, int) and not isinstance(wanted, bool) and 1 <= wanted <= MAX_LEVEL
-    check(is_legal, f"the trajectories per {of} must be a whole number from 1 to {MAX_LEVEL}, not {shown(wanted)}")
-    return wanted
-
-
-def _links(targets: Sequence[str] | None) -> tuple[str, ...] | None:
-    """Names of links, checked; in one order, for it means nothing."""
-    if targets is None:
-        return None
-    is_legal = not isinstance(targets, str) and bool(targets) and all(isinstance(name, str) for name in targets)
-    check(is_legal, f"targets must be a list of names of links, ['link_0'] say, not {shown(targets)}")
-    return tuple(sorted(set(targets)))
+def _make_settings(task: Task, options: CollectionOptions, demos_config: DemosConfig) -> Settings:
+    is_default = options.per_object is None and options.per_target is None
+    targets = None if options.targets is None else tuple(sorted(set(options.targets)))  # their order means nothing
+    return Settings(
+        task=task.name,
+        control_mode=options.control_mode,
+        per_object=PER_OBJECT if is_default else options.per_object,
+        per_target=options.per_target,
+        first_level=options.first_level,
+        targets=targets,
+        keep_failures=options.keep_failures,
+        variety=options.variety,
+        config=plain(task.config),
+        config_hash=task_hash(task),
+        expert=_expert_info(task, options.variety),
+        store=demos_config.store,
+        patience=demos_config.patience,
+        versions=versions(),
+    )
 
 
 def _expert_info(task: Task, variety: bool) -> ExpertInfo:
@@ -191,7 +281,18 @@ def _plan_object(task: Task, item: str | ArticulatedObject, wanted: tuple[str, .
     targets = task.targets(obj)
     chosen = targets if wanted is None else tuple(name for name in targets if name in wanted)
     if not chosen:
-        raise UnknownNameError(
-            "target link", ", ".join(wanted or ()), targets, f"(object {obj.id!r}, {task.name})"
-        )
+        hint = f"(object {obj.id!r}, {task.name})"
+        raise UnknownNameError("target link", ", ".join(wanted or ()), targets, hint)
     return ObjectPlan(item, obj.id, checked_hash(item), targets, chosen)
+
+
+def _check_levels(plan: CollectionPlan) -> None:
+    """Raise `ConfigError` if there are fewer levels than trajectories are wanted."""
+    for one in plan.objects:
+        for queue in plan.queues(one):
+            wanted, first, last = queue.wanted, queue.level(0), queue.level(queue.wanted - 1)
+            if last > MAX_LEVEL:
+                raise ConfigError(
+                    f"{wanted} trajectories of {one.id!r}, {queue.target}, need the levels {first} to {last}; "
+                    f"the last one is {MAX_LEVEL}: begin with a lower first level, or want fewer"
+                )

@@ -1,4 +1,4 @@
-"""What a collection of demonstrations is a function of, besides the objects."""
+"""The settings of a collection: all that demonstrations depend on, besides the objects."""
 
 import hashlib
 import json
@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from artiskill.config import differing, to_mapping
-from artiskill.demos.config import PatienceConfig, StoreConfig
+from artiskill.config import CONFIG_DIR, check, check_value, differing, load_config, to_mapping
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
-from artiskill.errors import ArtiSkillError, ConfigError, DemoError
+from artiskill.errors import ArtiSkillError, ConfigError, DemoError, shown
 from artiskill.robots.config import LIKE, RobotConfig
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.props import Prop
@@ -20,8 +19,79 @@ from artiskill.tasks.task import Task
 from artiskill.versions import versions
 
 CONTROLLER = "controller"  # the kind of expert that `experts.registry` makes
+_MOST_BITS = 40  # float32 keeps fewer anyway
+MOST_COMPRESSION = 9  # of gzip
 # keys of a task's configuration that make it the one of its name, and that no override may hold
-_NAMES = ("name", "motion")
+_NAME_KEYS = ("name", "motion")
+
+
+@dataclass(frozen=True)
+class GiveUpConfig:
+    """When the collector gives up a target.
+
+    Attributes:
+        attempts: never before this many attempts.
+        least_rate: from then on, as soon as the success rate is below this.
+    """
+
+    attempts: int
+    least_rate: float
+
+    def __post_init__(self) -> None:
+        check_value(self, "attempts", self.attempts >= 1, "must be at least 1")
+        check_value(self, "least_rate", 0 < self.least_rate <= 1, "must lie above 0, and at most at 1")
+
+    def gives_up(self, attempts: int, successes: int) -> bool:
+        """Return whether a target is given up after this many attempts and successes."""
+        return attempts >= self.attempts and successes < self.least_rate * attempts
+
+
+@dataclass(frozen=True)
+class StoreConfig:
+    """What is stored of a trajectory.
+
+    Attributes:
+        key_frame_steps: the engine's exact state is stored every so many steps, and at the end.
+        position_bits: positions of every step are rounded to multiples of 2**-position_bits (m or rad).
+        velocity_bits: velocities of every step are rounded likewise (m/s or rad/s).
+        action_bits: actions are rounded likewise before they are played.
+        compression: level of gzip.
+    """
+
+    key_frame_steps: int
+    position_bits: int
+    velocity_bits: int
+    action_bits: int
+    compression: int
+
+    def __post_init__(self) -> None:
+        check_value(self, "key_frame_steps", self.key_frame_steps >= 1, "must be at least 1")
+        limits = dict.fromkeys(("position_bits", "velocity_bits", "action_bits"), _MOST_BITS)
+        for name, most in (limits | {"compression": MOST_COMPRESSION}).items():
+            check_value(self, name, 0 <= getattr(self, name) <= most, f"must lie in [0, {most}]")
+
+
+@dataclass(frozen=True)
+class DemosConfig:
+    """The values of `configs/demos.yaml`.
+
+    Attributes:
+        block_levels: attempts in one job of a worker; the result does not depend on it.
+        patience: when a target is given up.
+        store: what is stored of a trajectory.
+    """
+
+    block_levels: int
+    patience: GiveUpConfig
+    store: StoreConfig
+
+    def __post_init__(self) -> None:
+        check_value(self, "block_levels", self.block_levels >= 1, "must be at least 1")
+
+
+def load_demos_config(overrides: Mapping[str, Any] | None = None) -> DemosConfig:
+    """Return the package's values, with some of them changed."""
+    return load_config(DemosConfig, CONFIG_DIR / "demos.yaml", overrides)
 
 
 @dataclass(frozen=True)
@@ -31,7 +101,7 @@ class ExpertInfo:
     Attributes:
         name: of its class.
         kind: `controller`, for one that follows rules.
-        config_hash: of its configuration, and of what varies in it and disturbs it.
+        config_hash: of its configuration, its variation and its disturbance.
     """
 
     name: str
@@ -41,21 +111,21 @@ class ExpertInfo:
 
 @dataclass(frozen=True)
 class Settings:
-    """All that a collection's trajectories depend on but for the objects; two equal ones give the same bits.
+    """All that a collection's trajectories depend on besides the objects; equal settings give equal bits.
 
     Attributes:
         task: name of the task.
         control_mode: of the actions.
-        per_object: successful trajectories that are wanted of each object; None where they are of each target.
-        per_target: successful trajectories that are wanted of each target; else None.
+        per_object: successful trajectories wanted of each object; None where `per_target` is given.
+        per_target: successful trajectories wanted of each target; None where `per_object` is given.
         first_level: of every object.
         targets: only these links; None for all that the task can be done with.
         keep_failures: whether failed attempts are stored, too.
-        variety: whether the expert's manner differs from episode to episode, and it is disturbed now and then.
+        variety: whether the expert's style differs from episode to episode, and it is disturbed now and then.
         config: resolved configuration of the task.
-        config_hash: of it, and of the robot's.
+        config_hash: of the task's configuration and the robot's.
         expert: who acted.
-        store: what is kept of a trajectory.
+        store: what is stored of a trajectory.
         patience: when a target is given up.
         versions: of the package, the engine and the numeric libraries.
     """
@@ -72,7 +142,7 @@ class Settings:
     config_hash: str
     expert: ExpertInfo
     store: StoreConfig
-    patience: PatienceConfig
+    patience: GiveUpConfig
     versions: dict[str, str]
 
     def __post_init__(self) -> None:
@@ -83,11 +153,11 @@ class Settings:
     @property
     def overrides(self) -> dict[str, Any]:
         """The task's configuration as `make_task` takes it."""
-        return {key: value for key, value in self.config.items() if key not in _NAMES}
+        return {key: value for key, value in self.config.items() if key not in _NAME_KEYS}
 
     @cached_property
     def setup(self) -> tuple[RobotConfig, PhysicsConfig, tuple[Prop, ...]]:
-        """What states depend on beside the object: robot, physics, and the props that can be touched.
+        """What states depend on besides the object: robot, physics, and the props that can be touched.
 
         Raises:
             DemoError: this version of the package has no such task.
@@ -96,10 +166,10 @@ class Settings:
         return task.robot, task.physics, touched_props(task.props)
 
     def make_task(self) -> Task:
-        """The task as it was.
+        """Return the task, which must still be the one that was demonstrated.
 
         Raises:
-            DemoError: this version of the package makes another one of the same configuration.
+            DemoError: this version of the package makes another task from the same configuration.
         """
         task = self._task()
         if task_hash(task) != self.config_hash:
@@ -116,42 +186,42 @@ class Settings:
             raise DemoError(f"this version of artiskill has no such task as was demonstrated: {error}") from error
 
     def make_env(self, objects: ObjectChoice, obs_mode: str = "state", **options: Any) -> ManipulationEnv:
-        """An environment of this task and control mode.
-
-        Args:
-            objects: as `ManipulationEnv` takes them.
-            obs_mode: likewise.
-            options: further arguments of `ManipulationEnv`.
-        """
+        """Return an environment of this task and control mode; arguments as those of `ManipulationEnv`."""
         return ManipulationEnv(
             self.task, objects, obs_mode=obs_mode, control_mode=self.control_mode, config=self.overrides, **options
         )
 
     def differences(self, other: "Settings") -> str:
-        """What is not the same in another one's, as text; empty if all is."""
+        """Return what differs in other settings, as text; empty if nothing does."""
         return "; ".join(differing(to_mapping(self), to_mapping(other)))
 
     @property
     def other_versions(self) -> str:
-        """Which versions are not those of this process, as text; empty if all are."""
+        """Which versions differ from those of this process, as text; empty if none does."""
         return "; ".join(differing(self.versions, versions()))
 
 
 def task_hash(task: Task) -> str:
-    """Of its resolved configuration and its robot's."""
+    """Return the hash of a task's resolved configuration and its robot's."""
     return mapping_hash({"task": to_mapping(task.config), "robot": to_mapping(task.robot)})
 
 
 def settings_hash(settings: Any) -> str:
-    """Of a dataclass of settings, as a file keeps them."""
+    """Return the hash of a dataclass of settings, as a file stores them."""
     return mapping_hash(to_mapping(settings))
 
 
 def mapping_hash(values: Any) -> str:
-    """SHA-256 of plain values, 16 hexadecimal digits."""
+    """Return the SHA-256 of plain values, 16 hexadecimal digits."""
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def plain(config: Any) -> Any:
-    """A configuration as it is after a journey through JSON."""
+    """Return a configuration as JSON gives it back."""
     return json.loads(json.dumps(to_mapping(config)))
+
+
+def check_workers(workers: object) -> None:
+    """Raise `ConfigError` unless this is a number of processes."""
+    is_legal = isinstance(workers, int) and not isinstance(workers, bool) and workers >= 1
+    check(is_legal, f"workers must be a whole number of at least 1, not {shown(workers)}")

@@ -1,4 +1,4 @@
-"""What a folder of demonstrations holds, in numbers."""
+"""What a folder of demonstrations holds, in numbers: successes, lengths, sizes, and how much it covers."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,12 +8,19 @@ from typing import Any
 import numpy as np
 
 from artiskill.config import to_mapping
-from artiskill.demos.coverage import BIN_M, JOINT_BINS, REACH_M, Visits
 from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.demos import Demos
+from artiskill.demos.file_format import TargetCount
 from artiskill.demos.hdf5 import reading
-from artiskill.demos.header import TargetCount
 from artiskill.demos.settings import Settings
+from artiskill.geometry.rotations import quat_to_matrix
+
+# The base's position on the floor in the frame of the object's root, and a free object's in the world, whose
+# origin is where it shall go: squares of this size, out to this distance along each axis.
+BIN_M = 0.25
+REACH_M = 2.5
+# The target joint's share of its range, closed to fully open.
+JOINT_BINS = 20
 
 
 @dataclass(frozen=True)
@@ -32,7 +39,7 @@ class ObjectStats:
         mean_length: likewise.
         longest: likewise.
         bytes_per_trajectory: of the file.
-        base_coverage: see `coverage.Visits`.
+        base_coverage: see `Coverage`.
         object_coverage: likewise.
         targets: counts of each.
     """
@@ -67,29 +74,29 @@ class Stats:
 
     @property
     def trajectories(self) -> int:
-        """In all."""
+        """Number of trajectories."""
         return sum(one.trajectories for one in self.objects)
 
     @property
     def success_rate(self) -> float:
-        """Of the expert, over all attempts."""
+        """Success rate of the expert, over all attempts."""
         attempts = sum(one.attempts for one in self.objects)
         return sum(one.successes for one in self.objects) / attempts if attempts else 0.0
 
     @property
     def bytes_per_trajectory(self) -> float:
-        """Of all files."""
+        """Mean size of a trajectory."""
         size = sum(one.bytes_per_trajectory * one.trajectories for one in self.objects)
         return size / self.trajectories if self.trajectories else 0.0
 
     @property
     def mean_length(self) -> float:
-        """Steps of a trajectory."""
+        """Mean steps of a trajectory."""
         steps = sum(one.mean_length * one.trajectories for one in self.objects)
         return steps / self.trajectories if self.trajectories else 0.0
 
     def to_mapping(self) -> dict[str, Any]:
-        """Plain values, ready for JSON."""
+        """Return plain values, ready for JSON."""
         return {
             "task": self.settings.task,
             "control_mode": self.settings.control_mode,
@@ -121,7 +128,7 @@ def folder_stats(folder: Path | str, on_object: Callable[[], None] | None = None
 def _object_stats(file: DemoFile) -> ObjectStats:
     header, attempts = file.header, file.attempts
     stored = attempts[attempts["trajectory"] >= 0]
-    visits = _visits(file, stored)
+    coverage = _coverage(file, stored)
     successes, lengths = int(attempts["success"].sum()), stored["steps"]
     return ObjectStats(
         object=header.object,
@@ -135,19 +142,72 @@ def _object_stats(file: DemoFile) -> ObjectStats:
         mean_length=float(lengths.mean()) if len(lengths) else 0.0,
         longest=int(lengths.max(initial=0)),
         bytes_per_trajectory=file.path.stat().st_size / len(file) if len(file) else 0.0,
-        base_coverage=visits.base,
-        object_coverage=visits.object,
+        base_coverage=coverage.base,
+        object_coverage=coverage.object,
         targets=header.targets,
     )
 
 
-def _visits(file: DemoFile, stored: np.ndarray) -> Visits:
+def _coverage(file: DemoFile, stored: np.ndarray) -> "Coverage":
     header = file.header
     joints = {joint["link"]: (k, tuple(joint["limits"])) for k, joint in enumerate(header.facts["joints"])}
-    visits = Visits(is_fixed=header.facts["category"] == "cabinet")
+    coverage = Coverage(is_fixed=header.facts["category"] == "cabinet")
     for row in stored:
         target = header.targets[row["target"]].target
         joint, limits = joints.get(target, (0, (0.0, 1.0)))
         states = header.state_columns.split(file.array(int(row["trajectory"]), "states"))
-        visits.add(states, target, joint, limits)
-    return visits
+        coverage.add(states, target, joint, limits)
+    return coverage
+
+
+class Coverage:
+    """How much of what could be visited was: shares of bins, comparable from folder to folder.
+
+    Args:
+        is_fixed: whether only the object's joints can move.
+    """
+
+    def __init__(self, is_fixed: bool) -> None:
+        side = round(2 * REACH_M / BIN_M)
+        self._is_fixed = is_fixed
+        self._base = np.zeros((side, side), dtype=bool)
+        self._object: dict[str, np.ndarray] = {}
+        self._floor = np.zeros((side, side), dtype=bool)
+
+    def add(self, states: dict[str, np.ndarray], target: str, joint: int, limits: tuple[float, float]) -> None:
+        """Add a trajectory.
+
+        Args:
+            states: as `Trajectory.states`.
+            target: link.
+            joint: its joint's number; ignored for an object that is free to move.
+            limits: of this joint.
+        """
+        base, root = states["robot_qpos"][:, :2], states["root_position_w"][:, :2]
+        turn = quat_to_matrix(states["root_quaternion_w"].astype(np.float64))[:, :2, :2]
+        _mark(self._base, np.einsum("tji,tj->ti", turn, base - root))
+        if not self._is_fixed:
+            _mark(self._floor, root)
+            return
+        bins = self._object.setdefault(target, np.zeros(JOINT_BINS, dtype=bool))
+        share = (states["object_qpos"][:, joint] - limits[0]) / (limits[1] - limits[0])
+        bins[np.clip((share * JOINT_BINS).astype(int), 0, JOINT_BINS - 1)] = True
+
+    @property
+    def base(self) -> float:
+        """Share of the squares around the object that the robot's base was in."""
+        return float(self._base.mean())
+
+    @property
+    def object(self) -> float:
+        """Share of the target joints' ranges, or of the squares of the floor, that the object was in."""
+        if not self._is_fixed:
+            return float(self._floor.mean())
+        return float(np.mean([bins.mean() for bins in self._object.values()])) if self._object else 0.0
+
+
+def _mark(bins: np.ndarray, points: np.ndarray) -> None:
+    """Mark the squares of (T, 2) points; those beyond `REACH_M` are left out."""
+    cells = np.floor((points + REACH_M) / BIN_M).astype(int)
+    inside = ((cells >= 0) & (cells < len(bins))).all(axis=1)
+    bins[cells[inside, 0], cells[inside, 1]] = True

@@ -8,23 +8,22 @@ import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object
-from artiskill.demos.demo_file import DemoFile
-from artiskill.demos.demonstrator import Replay
-from artiskill.demos.header import object_facts
-from artiskill.demos.json_files import checked_path
-from artiskill.demos.manifest import FileEntry, check_file, read_manifest
+from artiskill.demos.demo_file import DemoFile, Trajectory
+from artiskill.demos.demonstrator import RecordedActions
+from artiskill.demos.demos import FileEntry, check_file, check_listed, read_manifest
+from artiskill.demos.file_format import object_facts
+from artiskill.demos.hdf5 import checked_path
 from artiskill.demos.recording import ARRAYS, UNREPEATED, Recording, record
-from artiskill.demos.settings import Settings, plain
-from artiskill.demos.trajectory import Trajectory
+from artiskill.demos.settings import Settings, check_workers, plain
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.errors import ArtiSkillError, ConfigError, DemoError, shown
+from artiskill.errors import ArtiSkillError, DemoError
 from artiskill.jobs.parallel import run_jobs
 
 _JOB_TRAJECTORIES = 25
 
 
 @dataclass(frozen=True)
-class Verdict:
+class VerifyResult:
     """What came of some trajectories of a file.
 
     Attributes:
@@ -38,10 +37,21 @@ class Verdict:
 
     path: str
     object: str
-    trajectories: int
-    steps: int
-    exact: int
-    faults: tuple[str, ...]
+    trajectories: int = 0
+    steps: int = 0
+    exact: int = 0
+    faults: tuple[str, ...] = ()
+
+    def __add__(self, other: "VerifyResult") -> "VerifyResult":
+        """Return the result of both, of the same file."""
+        return VerifyResult(
+            path=self.path,
+            object=self.object,
+            trajectories=self.trajectories + other.trajectories,
+            steps=self.steps + other.steps,
+            exact=self.exact + other.exact,
+            faults=self.faults + other.faults,
+        )
 
 
 @dataclass(frozen=True)
@@ -57,7 +67,7 @@ def verify(
     workers: int = 1,
     on_trajectory: Callable[[bool], None] | None = None,
     objects: Sequence[str | ArticulatedObject] = (),
-) -> list[Verdict]:
+) -> list[VerifyResult]:
     """Simulate every trajectory of a folder again, and compare every bit of it.
 
     Compared are the digests of all states, the exact states, rewards and flags, whether it was solved where
@@ -72,40 +82,36 @@ def verify(
         objects: that the demonstrations' own names do not lead to, imported ones say, or their folders' names.
 
     Returns:
-        One verdict per file, in the manifest's order.
+        One result per file, in the manifest's order.
 
     Raises:
-        DemoError: the folder has no manifest that can be read. What is wrong with a file stands in its verdict.
+        DemoError: the folder has no manifest that can be read. What is wrong with a file stands in its result.
         ConfigError: an illegal number of workers.
     """
     folder = checked_path(folder)
-    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
-        raise ConfigError(f"workers must be a whole number of at least 1, not {shown(workers)}")
+    check_workers(workers)
     loaded = [load_object(one) if isinstance(one, str) else one for one in objects]
     manifest, given = read_manifest(folder), {obj.id: obj for obj in loaded}
-    parts: dict[str, list[Verdict]] = {}
+    results: dict[str, VerifyResult] = {}
     jobs: list[_Job] = []
     for name, entry in manifest.files.items():
-        path = folder / name
-        fault = _fault_of_file(path, entry, manifest.settings, given.get(entry.object))
-        parts[str(path)] = [Verdict(str(path), entry.object, 0, 0, 0, (fault,) if fault else ())]
-        if not fault:
-            numbers = tuple(range(entry.trajectories))
-            starts = range(0, entry.trajectories, _JOB_TRAJECTORIES)
-            jobs += [
-                _Job(path, entry.object, numbers[k : k + _JOB_TRAJECTORIES], given.get(entry.object))
-                for k in starts
-            ]
-    for verdict in run_jobs(_verify_part, jobs, workers, on_trajectory, describe=lambda job: str(job.path)):
-        parts[verdict.path].append(verdict)
-    return [_total(verdicts) for verdicts in parts.values()]
+        path, obj = folder / name, given.get(entry.object)
+        fault = _fault_of_file(path, entry, manifest.settings, obj)
+        results[str(path)] = VerifyResult(str(path), entry.object, faults=(fault,) if fault else ())
+        numbers = () if fault else tuple(range(entry.trajectories))
+        starts = range(0, len(numbers), _JOB_TRAJECTORIES)
+        jobs += [_Job(path, entry.object, numbers[k : k + _JOB_TRAJECTORIES], obj) for k in starts]
+    for result in run_jobs(_verify_part, jobs, workers, on_trajectory, describe=lambda job: str(job.path)):
+        results[result.path] += result
+    return list(results.values())
 
 
 def differences(trajectory: Trajectory, env: ManipulationEnv, obj: ArticulatedObject) -> str:
-    """What comes out otherwise when a trajectory is simulated again, as text; empty if nothing does."""
+    """Return what differs when a trajectory is simulated again, as text; empty if nothing does."""
     settings = trajectory.header.settings
+    actor = RecordedActions(trajectory.actions)
     try:
-        found = record(env, obj, trajectory.level, trajectory.target, Replay(trajectory.actions), settings.store)
+        found = record(env, obj, trajectory.level, trajectory.target, actor, settings.store)
     except ArtiSkillError as error:  # it diverges, or there is no such level, target or action
         return str(error)
     return "; ".join(_different(trajectory.recording, found))
@@ -129,11 +135,11 @@ def _different(stored: Recording, found: Recording) -> Iterator[str]:
 
 
 def _fault_of_file(path: Path, entry: FileEntry, settings: Settings, given: ArticulatedObject | None) -> str:
-    """What is wrong with a file before anything is simulated; empty if nothing is."""
+    """Return what is wrong with a file before anything is simulated; empty if nothing is."""
     try:
         check_file(path.parent, path.name, entry)
         with DemoFile(path) as file:
-            file.check_listed(settings, entry)
+            check_listed(file, settings, entry)
             file.check_counts()
             if entry.bytes != path.stat().st_size:
                 raise DemoError(f"{str(path)!r} holds something else than the manifest says")
@@ -144,7 +150,7 @@ def _fault_of_file(path: Path, entry: FileEntry, settings: Settings, given: Arti
 
 
 def _check_names(file: DemoFile, obj: ArticulatedObject) -> None:
-    """What readers may want to know of object and flags, against the object and the task."""
+    """Compare what readers may want to know of object and flags with the object and the task."""
     header = file.header
     if header.facts != plain(object_facts(obj)):
         raise DemoError(f"{str(file.path)!r} has other facts than {obj.id!r}: {header.facts}")
@@ -153,7 +159,7 @@ def _check_names(file: DemoFile, obj: ArticulatedObject) -> None:
         raise DemoError(f"{str(file.path)!r} has flags {header.flag_names}, the task {flags}")
 
 
-def _verify_part(job: _Job, tell: Callable[[bool], None]) -> Verdict:
+def _verify_part(job: _Job, send: Callable[[bool], None]) -> VerifyResult:
     steps, exact, faults = 0, 0, []
     with DemoFile(job.path) as file:
         obj = file.load_object(job.given)
@@ -163,34 +169,23 @@ def _verify_part(job: _Job, tell: Callable[[bool], None]) -> Verdict:
             try:
                 trajectory = file.trajectory(number)
                 fault = differences(trajectory, env, obj)
-                told = (trajectory.target, trajectory.level, trajectory.success, len(trajectory))
+                found = (trajectory.target, trajectory.level, trajectory.success, len(trajectory))
                 steps += len(trajectory)
             except DemoError as error:
-                fault, told = str(error), None
-            if not fault and told != listed.get(number):
+                fault, found = str(error), None
+            if not fault and found != listed.get(number):
                 fault = "it is not what the table of attempts says"
             if fault:
                 faults.append(f"trajectory {number}: {fault}")
             exact += not fault
-            tell(not fault)
-    return Verdict(str(job.path), job.object, len(job.numbers), steps, exact, tuple(faults))
+            send(not fault)
+    return VerifyResult(str(job.path), job.object, len(job.numbers), steps, exact, tuple(faults))
 
 
 def _listed(file: DemoFile) -> dict[int, tuple[str, int, bool, int]]:
-    """Number of a trajectory -> target, level, success and steps that the table of attempts says."""
+    """Return number of a trajectory -> target, level, success and steps, as the table of attempts says."""
     names = [count.target for count in file.header.targets]
     return {
         int(row["trajectory"]): (names[row["target"]], int(row["level"]), bool(row["success"]), int(row["steps"]))
         for row in file.attempts
     }
-
-
-def _total(verdicts: list[Verdict]) -> Verdict:
-    return Verdict(
-        path=verdicts[0].path,
-        object=verdicts[0].object,
-        trajectories=sum(v.trajectories for v in verdicts),
-        steps=sum(v.steps for v in verdicts),
-        exact=sum(v.exact for v in verdicts),
-        faults=tuple(fault for v in verdicts for fault in v.faults),
-    )

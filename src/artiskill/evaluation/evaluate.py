@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from artiskill.demos.attempts import FAULTS, fault_text
+from artiskill.demos.demonstrator import FAULTS, fault_text
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
 from artiskill.errors import ConfigError, shown
 from artiskill.evaluation.plan import WORKER_HINT, EpisodeBatch, EvaluationPlan, plan_evaluation

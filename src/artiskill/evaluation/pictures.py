@@ -11,8 +11,7 @@ from PIL import Image
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object, resolve_objects
 from artiskill.config import check
-from artiskill.demos.demo_file import DemoFile
-from artiskill.demos.trajectory import Trajectory
+from artiskill.demos.demo_file import DemoFile, Trajectory
 from artiskill.envs.control import JOINT
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.observation import ObservationContext

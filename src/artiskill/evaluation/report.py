@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from artiskill.config import dump_yaml, to_mapping
-from artiskill.demos.attempts import fault_kind
+from artiskill.demos.demonstrator import fault_kind
 from artiskill.errors import ConfigError
 from artiskill.evaluation.plan import EvaluationPlan
 from artiskill.files import check_output_folder, lock_folder, output_path

@@ -6,7 +6,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from artiskill.demos.hdf5 import writing
-from artiskill.demos.replay.training_file import TrainingFiles
+from artiskill.demos.training_file import TrainingFiles
 from artiskill.errors import DemoError
 from artiskill.files import TEMPORARY_PREFIX, lock_folder, output_path
 

@@ -18,7 +18,7 @@ from artiskill.demos.export.lerobot_stats import add_up, stats_of
 from artiskill.demos.export.lerobot_tables import EpisodeTable, FrameTable, write_tasks
 from artiskill.demos.export.lerobot_videos import VideoFile
 from artiskill.demos.hdf5 import reading
-from artiskill.demos.replay.training_file import TrainingFile, TrainingFiles
+from artiskill.demos.training_file import TrainingFile, TrainingFiles
 from artiskill.errors import ConfigError, shown
 
 VERSION = "v3.0"

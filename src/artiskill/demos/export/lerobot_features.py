@@ -7,8 +7,8 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from artiskill.demos.replay.layout import AGENT, STATE, leaf_spaces
-from artiskill.demos.replay.settings import ReplaySettings
+from artiskill.demos.replay_episode import AGENT, STATE, leaf_spaces
+from artiskill.demos.training_file import ReplaySettings
 from artiskill.envs.control import JOINT
 from artiskill.errors import ConfigError
 from artiskill.tasks.state_vector import ObservationField, robot_fields

@@ -14,9 +14,8 @@ import numpy as np
 
 from artiskill.demos.export.folder import check_not_empty, new_folder
 from artiskill.demos.hdf5 import new_large_file, reading
-from artiskill.demos.replay.layout import AGENT, STATE
-from artiskill.demos.replay.settings import ReplaySettings
-from artiskill.demos.replay.training_file import TrainingFile, TrainingFiles
+from artiskill.demos.replay_episode import AGENT, STATE
+from artiskill.demos.training_file import ReplaySettings, TrainingFile, TrainingFiles
 from artiskill.envs.registration import NAMESPACE
 from artiskill.envs.wrappers import PointCloudDownsample
 from artiskill.errors import ConfigError, shown

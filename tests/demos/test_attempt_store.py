@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from artiskill.assets.catalog import load_object
-from artiskill.demos.attempts import Attempt
+from artiskill.demos.attempt_store import AttemptStore
 from artiskill.demos.collect import collect
 from artiskill.demos.demo_file import DemoFile
-from artiskill.demos.plan import Plan
-from artiskill.demos.staging import Staging
-from artiskill.demos.unfinished import UNFINISHED
+from artiskill.demos.demonstrator import DemoAttempt
+from artiskill.demos.demos import UNFINISHED
+from artiskill.demos.plan import CollectionPlan
 from artiskill.errors import DemoError
 
 from .conftest import begin, contents
 
-MakePlan = Callable[..., Plan]
+MakePlan = Callable[..., CollectionPlan]
 
 
 def restage(folder: Path, **changes: object) -> None:
@@ -87,14 +87,14 @@ def test_a_spoilt_attempt_is_made_again(plan: MakePlan, drawers: Path, tmp_path:
 
 
 def test_whatever_is_wrong_with_a_staged_file_it_was_never_made(drawers: Path, tmp_path: Path) -> None:
-    staging = Staging(tmp_path, "settings")
+    store = AttemptStore(tmp_path, "settings")
     with DemoFile(drawers / "cabinet-0002.h5") as file:
         first = file[0]
-    attempt = Attempt("cabinet-0002", first.target, first.level, True, len(first), "", first.recording)
-    staging.save(attempt, "object")
+    attempt = DemoAttempt("cabinet-0002", first.target, first.level, True, len(first), "", first.recording)
+    store.save(attempt, "object")
     (path,) = (tmp_path / UNFINISHED).rglob("*.npz")
     whole, rng = path.read_bytes(), np.random.default_rng(0)
-    (found,) = staging.load("cabinet-0002", "object")
+    (found,) = store.load("cabinet-0002", "object")
     np.testing.assert_array_equal(found.recording.states, first.recording.states)
     for k in range(900):
         data = bytearray(whole)
@@ -104,7 +104,7 @@ def test_whatever_is_wrong_with_a_staged_file_it_was_never_made(drawers: Path, t
             where = (int(rng.integers(len(data))), int(rng.integers(900)), len(data) - 1 - int(rng.integers(900)))
             data[where[k % 4 - 1]] ^= 1 << int(rng.integers(8))
         path.write_bytes(data)
-        for one in staging.load("cabinet-0002", "object"):
+        for one in store.load("cabinet-0002", "object"):
             assert one.recording is not None
             told = (one.target, one.level, one.success, one.steps)
             assert told == (first.target, first.level, True, len(first))
@@ -112,7 +112,7 @@ def test_whatever_is_wrong_with_a_staged_file_it_was_never_made(drawers: Path, t
 
 
 def test_a_success_that_was_not_recorded_is_none(tmp_path: Path) -> None:
-    staging = Staging(tmp_path, "settings")
+    store = AttemptStore(tmp_path, "settings")
     for level, success in enumerate((False, True)):
-        staging.save(Attempt("cabinet-0002", "link_0", level, success, 9, "", None), "object")
-    assert [one.level for one in staging.load("cabinet-0002", "object")] == [0]
+        store.save(DemoAttempt("cabinet-0002", "link_0", level, success, 9, "", None), "object")
+    assert [one.level for one in store.load("cabinet-0002", "object")] == [0]

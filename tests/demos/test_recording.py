@@ -2,7 +2,7 @@ import json
 
 import numpy as np
 
-from artiskill.demos.columns import Columns, joined
+from artiskill.demos.recording import Columns, joined
 
 
 def test_there_and_back(rng: np.random.Generator) -> None:

@@ -1,1 +1,0 @@
-"""From demonstrations to training files: other observations, another control mode, fewer points."""
