@@ -18,6 +18,7 @@ import numpy as np
 
 import artiskill
 from artiskill.envs.observation import ObservationContext
+from artiskill.envs.vision import CameraRig
 from artiskill.envs.wrappers import PointCloudDownsample
 
 EPISODE = 200
@@ -66,12 +67,12 @@ def stages(object_id: str) -> dict[str, float]:
             action = np.zeros(env.action_space.shape, np.float32)
             parts["step in mode state"] = median_ms(lambda e=env, a=action: e.step(a))
         elif mode == "rgbd":
-            rig = base._observer._rig
+            rig = CameraRig(base.task)
             felt = np.empty(rig.agent_space.shape, np.float32)
             instant = ObservationContext(base.snapshot, base.goal, 0, 0, 0)
             parts["the robot's part"] = median_ms(lambda: rig.feel(instant, felt))  # noqa: B023
         if mode != "state":
-            parts[f"observation {mode}, rendering included"] = median_ms(lambda b=base: b._observe({}))
+            parts[f"observation {mode}, rendering included"] = median_ms(lambda b=base: b._observe())
     return parts
 
 

@@ -285,7 +285,7 @@ def test_a_batch_equals_single_environments(task: str, object_id: str, threads: 
     env = make_env(task, object_id)
     levels, actions = (3, 4, 5), random_actions(task, 3 * 25).reshape(25, 3, -1).astype(float)
     env.reset(seed=0)
-    scene, obj = env.simulation.scene, env._casting.find(env.save_state().object)
+    scene, obj = env.simulation.scene, env._episodes.samplers[0].find(env.save_state().object)
     batch = Simulation(scene, num_envs=len(levels), num_threads=threads)
     generators = [level_generator(level, RngStream.INITIAL_STATE) for level in levels]
     batch.reset([env.task.sample_initial_state(obj, g) for g in generators])

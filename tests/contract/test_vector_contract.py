@@ -75,7 +75,7 @@ def run_both(vector: Any, reference: Any, steps: int, seed: int = 0) -> int:
 def test_a_vector_equals_single_environments(task: str, mode: AutoresetMode) -> None:
     vector, reference = both(task, 5, mode, num_threads=2)
     assert run_both(vector, reference, 3 * STEPS) >= 10
-    assert len({squad.simulation.scene.layout for squad in vector._episodes.fleet.squads}) >= 1
+    assert len({batch.simulation.scene.layout for batch in vector._episodes.group.batches}) >= 1
 
 
 @pytest.mark.parametrize("task", task_names())

@@ -106,7 +106,7 @@ def test_masks_lie_on_what_they_name() -> None:
 
 def test_another_target_has_other_masks() -> None:
     env = make()
-    targets = env.task.targets(env._casting.find(OBJECT))
+    targets = env.task.targets(env._episodes.samplers[0].find(OBJECT))
     seen = [env.reset(options={"level": 3, "target": target})[0]["pointcloud"] for target in targets[:2]]
     np.testing.assert_array_equal(seen[0]["rgb"], seen[1]["rgb"])
     assert (seen[0]["seg"][:, LINK] != seen[1]["seg"][:, LINK]).any()

@@ -16,7 +16,7 @@ def play(env: ManipulationEnv, push: float | None) -> tuple[float, bool]:
     score, done, solved = 0.0, False, False
     while not done:
         action = expert.act(env, observation).copy()
-        if push is not None and env._progress.streaks.min() >= 7:  # of the ten steps that success must hold
+        if push is not None and env.save_state().streaks.min() >= 7:  # of the ten steps that success must hold
             action[0] = push
         observation, reward, solved, truncated, info = env.step(action)
         assert reward <= 0

@@ -1,33 +1,27 @@
-"""`ManipulationEnv`: the Gymnasium face of a task, one episode at a time."""
+"""`ManipulationEnv`: a task as a Gymnasium environment, one episode at a time."""
 
-import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
-from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.envs.control import JOINT, Control, check_action
-from artiskill.envs.copying import CopiedByState
-from artiskill.envs.observation import ObservationContext, Observer, empty_observation
-from artiskill.envs.options import OBSERVERS, RENDER_MODES, check_modes, checked_options
-from artiskill.envs.rendering import Viewpoint, WorldView
-from artiskill.envs.sampling import EpisodeSampler, ObjectChoice
-from artiskill.envs.state import EnvState, check_episode
-from artiskill.envs.window import open_window, render_modes_here
-from artiskill.errors import ConfigError, DivergedError, ResetNeededError
-from artiskill.scene.scene import Scene, cached_scene
+from artiskill.envs.base import EnvBase
+from artiskill.envs.control import JOINT, check_action
+from artiskill.envs.observation import row_of
+from artiskill.envs.options import HUMAN, OBSERVERS, RENDER_MODES, check_modes, checked_options
+from artiskill.envs.rendering import Window, render_modes_here
+from artiskill.envs.sampling import ObjectChoice, draw_level
+from artiskill.envs.state import EnvState
+from artiskill.errors import ConfigError, DivergedError
+from artiskill.scene.scene import Scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
-from artiskill.sim.states import check_state
-from artiskill.tasks.levels import MAX_LEVEL, RngStream, check_level, level_generator
-from artiskill.tasks.progress import EpisodeProgress
-from artiskill.tasks.registry import make_task
-from artiskill.tasks.task import Flags, Goal, Task
+from artiskill.tasks.levels import check_level
+from artiskill.tasks.task import Goal
 
 
-class ManipulationEnv(CopiedByState, gym.Env[Any, np.ndarray]):
+class ManipulationEnv(EnvBase, gym.Env[Any, np.ndarray]):
     """One task, over one object or many, as a Gymnasium environment.
 
     ## Action space
@@ -103,25 +97,14 @@ class ManipulationEnv(CopiedByState, gym.Env[Any, np.ndarray]):
     ) -> None:
         already = frozenset(vars(self))
         check_modes(obs_mode, reward_mode, control_mode, render_mode)
-        self.task = make_task(task, config)
-        self._config = copy.deepcopy(config)
         self.obs_mode, self.reward_mode, self.render_mode = obs_mode, reward_mode, render_mode
-        self._casting = EpisodeSampler(self.task, objects, target)
-        self.control = Control(self.task.robot, control_mode)
+        self._make_episodes(task, config, control_mode, [objects], target)
         self.action_space = self.control.space
-        self._simulation: Simulation | None = None
         self.observe_with(OBSERVERS[obs_mode])
-        self._view: WorldView | None = None
-        self._window = open_window(render_mode, f"ArtiSkill: {task}", self.metadata["render_fps"])
+        fps = self.metadata["render_fps"]
+        self._window = Window(f"ArtiSkill: {task}", fps) if render_mode == HUMAN else None
         self.metadata = self.metadata | {"render_modes": render_modes_here(render_mode)}
-        self._progress = EpisodeProgress(1, self.task.flag_names, self.task.hold_steps)
-        self._goal: Goal = None
-        self._snapshot: Snapshot | None = None
-        self._target = ""
-        self._level = -1
         self._remade = frozenset(vars(self)) - already
-
-    # -- episodes ------------------------------------------------------------------------------------------------
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -138,41 +121,33 @@ class ManipulationEnv(CopiedByState, gym.Env[Any, np.ndarray]):
         if level is not None:
             level = check_level(level)
         super().reset(seed=seed)
-        level = int(self.np_random.integers(MAX_LEVEL + 1)) if level is None else level
-        obj, target = self._casting.draw(level, options.get("object"), options.get("target"))
-        simulation = self._simulation_of(obj)
-        self._enter(simulation, target)
-        self._level = level
-        generator = level_generator(level, RngStream.INITIAL_STATE)
-        simulation.reset([self.task.sample_initial_state(obj, generator)])
-        self._snapshot = simulation.snapshot()
-        self._progress.restart()
-        return self._observe(self._info()[0])
+        level = draw_level(self.np_random) if level is None else level
+        self._start([0], [level], [options.get("object")], [options.get("target")])
+        self._episodes.evaluate()
+        return self._observe()
 
     def step(self, action: np.ndarray) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """One environment step of 0.05 s.
+        """Take one environment step of 0.05 s.
 
         Raises:
             ActionError: the action has the wrong shape or values that are not finite.
             ResetNeededError: called before the first `reset`.
+            DivergedError: the physics diverged; reset the environment.
         """
         action = check_action(action, self.control.size)
-        simulation = self._simulation
-        if simulation is None:
-            raise ResetNeededError("call reset() before step()")
-        simulation.step(self.control.to_targets(action[None], self.snapshot))
-        self._snapshot = snapshot = simulation.snapshot()
-        flags = self.task.flags(snapshot, self._goal)
-        self._progress.advance(flags)
-        info, dense = self._info(flags)
-        success = info["success"]
-        reward = dense if self.reward_mode == "dense" else float(success)
-        truncated = bool(self._progress.elapsed[0] >= self.task.episode_steps) and not success
-        observation, info = self._observe(info)
-        return observation, reward, success, truncated, info
+        episodes = self._episodes
+        episodes.check_begun("step()")
+        diverged = episodes.step(action[None])
+        if diverged:
+            raise DivergedError(diverged)
+        episodes.evaluate()
+        episodes.progress.advance(episodes.flags)
+        rewards, terminated, truncated = episodes.outcome(self.reward_mode == "dense")
+        observation, info = self._observe()
+        return observation, rewards.item(), terminated.item(), truncated.item(), info
 
     def render(self) -> Any:
-        """The scene from the world camera, (480, 640, 3) uint8; None with `human`, whose window shows it.
+        """Return the scene from the world camera, (480, 640, 3) uint8; None with `human`, whose window shows it.
 
         Raises:
             ResetNeededError: called before the first `reset`.
@@ -180,84 +155,45 @@ class ManipulationEnv(CopiedByState, gym.Env[Any, np.ndarray]):
         """
         if self.render_mode is None:
             raise ConfigError("this environment was made without a render mode; pass render_mode='rgb_array'")
-        picture = self._picture()
-        if self._window is None:
-            return picture
-        return self._window.show(picture)
+        self._episodes.check_begun("render()")
+        picture = self._views.draw(self._episodes, 0)
+        return picture if self._window is None else self._window.show(picture)
 
     def close(self) -> None:
         """Close the window, if there is one."""
         if self._window is not None:
             self._window.close()
 
-    def _picture(self) -> np.ndarray:
-        if self._view is None:
-            if self._simulation is None:
-                raise ResetNeededError("call reset() before render()")
-            self._view = WorldView(self._simulation.scene, Viewpoint().camera(self.task.world_camera))
-        return self._view.draw(self.snapshot)
-
-    def observe_with(self, make_observer: Callable[[Task], Observer]) -> None:
-        """Observe in another way from the next `reset`, `step` or `restore_state` on; for wrappers.
-
-        Args:
-            make_observer: called once, and again in every copy of the environment: what pickles, if those shall.
-        """
-        self._make_observer = make_observer
-        self._observer = make_observer(self.task)
-        self.observation_space = self._observer.space
-        if self._simulation is not None:
-            self._observer.enter(self._simulation.scene, self._target)
-
-    # -- state ---------------------------------------------------------------------------------------------------
-
     def save_state(self) -> EnvState:
-        """The instant, detached from the environment."""
-        if self._simulation is None:
-            raise ResetNeededError("call reset() before save_state()")
-        return EnvState(
-            task=self.task.name,
-            object=self._simulation.scene.object.id,
-            target=self._target,
-            level=self._level,
-            simulation=self._simulation.save(),
-            elapsed=int(self._progress.elapsed[0]),
-            streaks=self._progress.streaks[0].copy(),
-        )
+        """Return the state of the episode, detached from the environment.
+
+        Raises:
+            ResetNeededError: called before the first `reset`.
+        """
+        return self._episodes.save(0)
 
     def restore_state(self, state: EnvState) -> tuple[Any, dict[str, Any]]:
-        """Take back an instant; the same actions then give the same bits.
+        """Restore a saved state; the same actions then give the same bits.
 
         Its object may be any of the catalogue, or one that this environment has had. What counts as success and
         what is rewarded stays the environment's own.
 
         Returns:
-            The observation and info of that instant.
+            The observation and info of that state.
 
         Raises:
             StateError: the state is of another task, object, robot, physics configuration or props, or damaged.
             UnknownNameError: there is no such object or target link. In either case the episode goes on as if
                 nothing had happened.
         """
-        check_episode(state, self.task.name, len(self.task.flag_names))
-        obj = self._casting.find(state.object)
-        self._casting.check_target(obj, state.target)
-        simulation = self._simulation_of(obj)
-        check_state(state.simulation, [simulation.scene])
-        self._enter(simulation, state.target)  # all is well: from here on nothing fails
-        simulation.restore(state.simulation, is_checked=True)
-        self._snapshot = simulation.snapshot()
-        self._level = state.level
-        self._progress.elapsed[:] = state.elapsed
-        self._progress.streaks[:] = state.streaks
-        return self._observe(self._info()[0])
+        self._restore([0], [state])
+        return self._observe()
 
     @property
     def simulation(self) -> Simulation:
         """The physics of the episode, with B = 1."""
-        if self._simulation is None:
-            raise ResetNeededError("call reset() first")
-        return self._simulation
+        self._episodes.check_begun("asking for the simulation")
+        return self._episodes.group.batch_of(0).simulation
 
     @property
     def scene(self) -> Scene:
@@ -266,86 +202,24 @@ class ManipulationEnv(CopiedByState, gym.Env[Any, np.ndarray]):
 
     @property
     def snapshot(self) -> Snapshot:
-        """What is true now, with B = 1: what privileged policies read."""
-        if self._snapshot is None:
-            raise ResetNeededError("call reset() first")
-        return self._snapshot
+        """The values of the present state, with B = 1: what privileged policies read."""
+        self._episodes.check_begun("asking for the snapshot")
+        return self._episodes.group.snapshot_of(0)
 
     @property
     def goal(self) -> Goal:
         """The episode's goal, with B = 1."""
-        if self._goal is None:
-            raise ResetNeededError("call reset() first")
-        return self._goal
+        self._episodes.check_begun("asking for the goal")
+        return self._episodes.group.goal_of(0)
 
-    # -- copies, see `CopiedByState` -----------------------------------------------------------------------------
+    def _set_observation_space(self, space: gym.Space[Any]) -> None:
+        self.observation_space = space
 
-    def _arguments(self) -> dict[str, Any]:
-        return {
-            "task": self.task.name,
-            "objects": self._casting.choices,
-            "target": self._casting.fixed_target,
-            "obs_mode": self.obs_mode,
-            "reward_mode": self.reward_mode,
-            "control_mode": self.control.mode,
-            "render_mode": self.render_mode,
-            "config": self._config,
-        }
-
-    def _save_episodes(self) -> dict[str, Any]:
-        if self._simulation is not None and (causes := self._simulation.diverged()):
-            raise DivergedError(causes)
-        state = None if self._simulation is None else self.save_state()
-        return {"handed_in": self._casting.handed_in, "state": state}
-
-    def _restore_episodes(self, saved: dict[str, Any]) -> None:
-        for obj in saved["handed_in"]:
-            self._casting.remember(obj)
-        if saved["state"] is not None:
-            self.restore_state(saved["state"])
-
-    def _castings(self) -> tuple[EpisodeSampler, ...]:
-        return (self._casting,)
-
-    # -- inside --------------------------------------------------------------------------------------------------
-
-    def _simulation_of(self, obj: ArticulatedObject) -> Simulation:
-        """The present simulation where it has this object, else a new one."""
-        if self._simulation is not None and self._simulation.scene.object is obj:
-            return self._simulation
-        return Simulation(cached_scene(self.task.robot, obj, self.task.physics, self.task.props))
-
-    def _enter(self, simulation: Simulation, target: str) -> None:
-        """Go over to a simulation and a target."""
-        if self._simulation is simulation and self._target == target:
-            return
-        goal = self.task.make_goal(simulation.scene.object, target)
-        self._observer.enter(simulation.scene, target)
-        if self._simulation is not simulation:
-            self._view = None
-        self._simulation, self._target, self._goal = simulation, target, goal
-
-    def _observe(self, info: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
-        """The observation of this instant, and `info` with what its mode adds; the window shows it, too."""
-        instant = ObservationContext(self.snapshot, self._goal, 0, self._level, int(self._progress.elapsed[0]))
+    def _observe(self) -> tuple[Any, dict[str, Any]]:
+        """Return the observation and info of the present state; the window shows it, too."""
         if self._window is not None:
-            self._window.show(self._picture())
-        observation = empty_observation(self._observer.space)
-        return observation, info | self._observer.observe(instant, observation)
-
-    def _info(self, flags: Flags | None = None) -> tuple[dict[str, Any], float]:
-        """Info of this instant, and the dense reward that its terms add up to."""
-        flags = self.task.flags(self.snapshot, self._goal) if flags is None else flags
-        terms = self.task.reward_terms(self.snapshot, self._goal, flags)
-        values = {name: value.item() for name, value in terms.items()}
-        counted = self._progress.counted[0].tolist()
-        assert self._simulation is not None
-        info = {
-            "object": self._simulation.scene.object.id,
-            "level": self._level,
-            "target": self._target,
-            "success": all(counted),
-            "flags": dict(zip(self._progress.flag_names, counted, strict=True)),
-            "reward_terms": values,
-        }
-        return info, self.task.dense_reward(values)
+            self._window.show(self._views.draw(self._episodes, 0))
+        self._observations.renew()
+        added = self._observations.observe()
+        info = self._episodes.info_of(0)
+        return row_of(self._observations.arrays, 0), info | added.get(0, {})

@@ -1,6 +1,6 @@
 """What callers may ask for: modes by name, options of a reset, and what a vector takes for each environment."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -8,14 +8,13 @@ from gymnasium.vector import AutoresetMode
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.envs.control import CONTROL_MODES
-from artiskill.envs.observation import Observer, StateObserver
+from artiskill.envs.observation import MakeObserver, StateObserver
 from artiskill.envs.vision import PointCloudObserver, RgbdObserver
 from artiskill.errors import ConfigError, check_name, shown
 from artiskill.jobs.parallel import available_cores
 from artiskill.tasks.levels import check_level
-from artiskill.tasks.task import Task
 
-OBSERVERS: dict[str, Callable[[Task], Observer]] = {
+OBSERVERS: dict[str, MakeObserver] = {
     "state": StateObserver,
     "pointcloud": PointCloudObserver,
     "rgbd": RgbdObserver,

@@ -3,11 +3,13 @@
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import is_nameable, load_object, resolve_objects
 from artiskill.assets.needs import TASK_NEEDS
 from artiskill.errors import AssetError, check_name
-from artiskill.tasks.levels import RngStream, level_generator
+from artiskill.tasks.levels import MAX_LEVEL, RngStream, level_generator
 from artiskill.tasks.task import Task
 
 _KNOWN = 64  # objects that are remembered
@@ -91,6 +93,11 @@ class EpisodeSampler:
         if target is not None:
             check_name("target link", target, targets, f"(object {obj.id!r}, {self.task.name})")
         return targets
+
+
+def draw_level(generator: np.random.Generator) -> int:
+    """Return the level of an environment's next episode."""
+    return int(generator.integers(MAX_LEVEL + 1))
 
 
 def _load(choice: str | ArticulatedObject) -> ArticulatedObject:

@@ -7,9 +7,8 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from artiskill.envs.vector.attributes import SETTABLE
-from artiskill.envs.vector.observation import copied
-from artiskill.envs.vector_env import ManipulationVectorEnv
+from artiskill.envs.observation import copied
+from artiskill.envs.vector_env import SETTABLE, ManipulationVectorEnv
 from artiskill.errors import ConfigError, MissingExtraError, shown
 from artiskill.tasks.levels import MAX_LEVEL
 

@@ -1,18 +1,18 @@
 """`ManipulationVectorEnv`: many episodes of a task at once, as one of Gymnasium's vector environments."""
 
-import copy as copying
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
-from artiskill.envs.control import JOINT, Control, check_actions
-from artiskill.envs.copying import CopiedByState
-from artiskill.envs.observation import Observer, StateObserver
+from artiskill.envs.base import EnvBase
+from artiskill.envs.control import JOINT, check_actions
+from artiskill.envs.episodes import Episodes
+from artiskill.envs.observation import copied, row_of
 from artiskill.envs.options import (
     OBSERVERS,
     RESET_OPTIONS,
@@ -27,22 +27,27 @@ from artiskill.envs.options import (
     reset_seeds,
     thread_count,
 )
-from artiskill.envs.sampling import EpisodeSampler, ObjectChoice
+from artiskill.envs.sampling import EpisodeSampler, ObjectChoice, draw_level
 from artiskill.envs.state import EnvState
-from artiskill.envs.vector.attributes import SINGLE, EnvAttributes
-from artiskill.envs.vector.episodes import Episodes
-from artiskill.envs.vector.info import only, with_masks
-from artiskill.envs.vector.observation import VectorObserver, VectorStateObserver, VectorVisionObserver
-from artiskill.envs.vector.sight import Sight
-from artiskill.envs.vector.state import restore_all, restore_env, save_all, save_env
-from artiskill.envs.vector.views import WorldViews
-from artiskill.errors import Cause, ConfigError, DivergedError, ResetNeededError
+from artiskill.envs.vector_info import ObjectArray, only, stacked, with_masks
+from artiskill.errors import ConfigError, DivergedError, ResetNeededError
 from artiskill.tasks.levels import check_level
-from artiskill.tasks.registry import make_task
-from artiskill.tasks.task import Task
+
+SETTABLE = ("objects",)  # attributes of single environments that may be changed
+# Gymnasium's names of what one environment has -> ours of the vector's
+_SINGLE = {"action_space": "single_action_space", "observation_space": "single_observation_space"}
+# attributes of single environments that exist only while they have episodes
+_OF_EPISODE: Mapping[str, Callable[[Episodes, int], Any]] = {
+    "object": lambda episodes, env: episodes.objects[env],
+    "level": lambda episodes, env: int(episodes.levels[env]),
+    "target": lambda episodes, env: episodes.targets[env],
+    "scene": lambda episodes, env: episodes.group.scene_of(env),
+    "goal": lambda episodes, env: episodes.group.goal_of(env),
+    "snapshot": lambda episodes, env: episodes.group.snapshot_of(env),
+}
 
 
-class ManipulationVectorEnv(CopiedByState, gym.vector.VectorEnv[Any, Any, Any]):
+class ManipulationVectorEnv(EnvBase, gym.vector.VectorEnv[Any, Any, Any]):
     """B episodes of one task, over one object or many, stepped as one batch.
 
     Each environment does bit for bit what a `ManipulationEnv` does with the same level and actions, for any number
@@ -88,20 +93,16 @@ class ManipulationVectorEnv(CopiedByState, gym.vector.VectorEnv[Any, Any, Any]):
         check_modes(obs_mode, reward_mode, control_mode, render_mode, VECTOR_RENDER_MODES)
         self.num_envs = env_count(num_envs)
         self.num_threads = thread_count(num_threads, num_envs)
-        self.task = make_task(task, config)
         self.obs_mode, self.reward_mode, self.render_mode = obs_mode, reward_mode, render_mode
-        self._config = copying.deepcopy(config)
         self.gives_copies = copy
         self.autoreset_mode = as_autoreset_mode(autoreset_mode)
         self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
-        each = [objects] if env_objects is None else per_env("env_objects", env_objects, num_envs)
-        castings = [EpisodeSampler(self.task, choice, target) for choice in each]
-        self.control = Control(self.task.robot, control_mode)
+        choices = [objects] if env_objects is None else per_env("env_objects", env_objects, num_envs)
+        self._make_episodes(task, config, control_mode, choices, target, num_envs)
         self.single_action_space = self.control.space
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._episodes = Episodes(self.task, castings * (num_envs // len(castings)), self.num_threads)
         self._done, self._all = np.zeros(num_envs, dtype=bool), np.ones(num_envs, dtype=bool)
-        self._views, self._attributes = WorldViews(self._episodes), EnvAttributes(self._episodes)
+        self._generators: list[np.random.Generator | None] = [None] * num_envs  # of the next levels
         self.observe_with(OBSERVERS[obs_mode])
         self._remade = frozenset(vars(self)) - already
 
@@ -118,7 +119,7 @@ class ManipulationVectorEnv(CopiedByState, gym.vector.VectorEnv[Any, Any, Any]):
             ConfigError: a level that is no integer in range, a list of another length, an illegal mask.
             UnknownNameError: an unknown option, object or target link.
         """
-        self._sight.check_open()
+        self._observations.check_open()
         given = checked_options(options, RESET_OPTIONS)
         mask = reset_mask(given, self.num_envs)
         if not mask.all() and not self._episodes.begun:
@@ -129,16 +130,16 @@ class ManipulationVectorEnv(CopiedByState, gym.vector.VectorEnv[Any, Any, Any]):
         )
         envs = np.flatnonzero(mask).tolist()
         chosen = [None if levels[env] is None else check_level(levels[env]) for env in envs]
-        drawn = [self._episodes.level_of(env, seeds[env], level) for env, level in zip(envs, chosen, strict=True)]
+        drawn = [self._level_of(env, seeds[env], level) for env, level in zip(envs, chosen, strict=True)]
         self._start(envs, drawn, [objects[env] for env in envs], [targets[env] for env in envs])
         self._episodes.evaluate()
         self._done[envs] = False
-        self._sight.renew()
-        info = self._sight.look(mask | self._sight.stale, told=mask)
-        return self._sight.arrays, with_masks(info, mask)
+        self._observations.renew()
+        info = self._observe(mask | self._observations.stale, asked=mask)
+        return self._observations.arrays, with_masks(info, mask)
 
     def step(self, actions: Any) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """One environment step of 0.05 s of all environments.
+        """Take one environment step of 0.05 s in all environments.
 
         Args:
             actions: (B, A).
@@ -150,90 +151,84 @@ class ManipulationVectorEnv(CopiedByState, gym.vector.VectorEnv[Any, Any, Any]):
         Raises:
             ActionError: actions of the wrong shape or with values that are not finite.
             ResetNeededError: called before the first `reset`, or, without automatic resets, with an episode over.
-            DivergedError: physics ran away; docs/vector.md says where the others are then.
+            DivergedError: the physics diverged; docs/vector.md says where the others are then.
         """
         actions = check_actions(actions, self.num_envs, self.control.size)
-        self._sight.check_open()
-        self._check_begun("step()")
-        resting = self._done
-        if self.autoreset_mode is AutoresetMode.DISABLED and resting.any():
+        self._observations.check_open()
+        episodes = self._episodes
+        episodes.check_begun("step()")
+        resting = self._done if self._done.any() else None
+        if self.autoreset_mode is AutoresetMode.DISABLED and resting is not None:
             over = np.flatnonzero(resting).tolist()
             raise ResetNeededError(f"the episodes of environments {over} are over; reset them by a reset_mask")
-        diverged = self._advance(actions, resting)
-        rewards, terminated, truncated = self._episodes.outcome(self.reward_mode == "dense", resting)
-        self._done = terminated | truncated
-        if diverged:
-            self._sight.stale[:] = True
-            raise DivergedError(diverged)
-        self._sight.renew()
-        at_once = self.autoreset_mode is AutoresetMode.SAME_STEP and self._done.any()
-        final = self._restart_at_once() if at_once else {}
-        info = with_masks(self._sight.look(), self._all)
-        return self._sight.arrays, rewards, terminated, truncated, info | final
-
-    def _advance(self, actions: np.ndarray, resting: np.ndarray) -> dict[int, Cause]:
-        """Step the environments that do not rest, start new episodes in those that do; who diverged, and why."""
-        episodes, targets = self._episodes, []
-        for squad, taken, members in episodes.fleet:
-            rows = np.zeros((len(squad.members), actions.shape[1]))
-            rows[taken] = actions[members]
-            targets.append((squad, self.control.to_targets(rows, squad.snapshot)))
-        diverged = episodes.fleet.step(targets, resting)
-        if resting.any():
+        diverged = episodes.step(actions, resting)
+        if resting is not None:
             self._restart(resting)
         episodes.evaluate()
-        episodes.progress.advance(episodes.flags, ~resting)
-        return diverged
+        episodes.progress.advance(episodes.flags, None if resting is None else ~resting)
+        rewards, terminated, truncated = episodes.outcome(self.reward_mode == "dense", resting)
+        self._done = terminated | truncated
+        if diverged:
+            self._observations.stale[:] = True
+            raise DivergedError(diverged)
+        self._observations.renew()
+        at_once = self.autoreset_mode is AutoresetMode.SAME_STEP and self._done.any()
+        final = self._restart_at_once() if at_once else {}
+        info = with_masks(self._observe(), self._all)
+        return self._observations.arrays, rewards, terminated, truncated, info | final
 
     def _restart_at_once(self) -> dict[str, Any]:
-        """Report the last instant of the episodes that are over, for the step's infos, and start new ones."""
+        """Start new episodes where they are over; return the last observations and infos, for the step's infos."""
         over = self._done
-        last = only(self._sight.look(over), over)
-        final = {"final_obs": self._sight.last_of(over), "final_info": with_masks(last, over)}
+        last = only(self._observe(over), over)
+        observations = np.full(self.num_envs, None, dtype=object)
+        for env in np.flatnonzero(over).tolist():
+            observations[env] = copied(row_of(self._observations.arrays, env))
         self._restart(over)
         self._episodes.evaluate()
         self._done = np.zeros(self.num_envs, dtype=bool)
-        return final | {"_final_obs": over, "_final_info": over.copy()}
+        return {
+            "final_obs": observations.view(ObjectArray),
+            "final_info": with_masks(last, over),
+            "_final_obs": over,
+            "_final_info": over.copy(),
+        }
 
     def _restart(self, over: np.ndarray) -> None:
         envs = np.flatnonzero(over).tolist()
         nothing = [None] * len(envs)
-        self._start(envs, list(map(self._episodes.next_level, envs)), nothing, nothing)
+        self._start(envs, [self._level_of(env) for env in envs], nothing, nothing)
 
-    def _check_begun(self, what: str) -> None:
-        if not self._episodes.begun:
-            raise ResetNeededError(f"call reset() before {what}")
+    def _level_of(self, env: int, seed: int | None = None, chosen: int | None = None) -> int:
+        """Return the level of a reset: what the options say, else the seed, else the next one that is drawn."""
+        if seed is not None:
+            self._generators[env], _ = seeding.np_random(seed)
+        if chosen is not None:
+            return chosen
+        if seed is not None:
+            return seed
+        generator = self._generators[env]
+        if generator is None:
+            generator = self._generators[env] = seeding.np_random()[0]
+        return draw_level(generator)
 
-    def _start(
-        self, envs: list[int], levels: Sequence[int], objects: Sequence[Any], targets: Sequence[Any]
-    ) -> None:
-        for env in self._episodes.start(envs, levels, objects, targets):
-            self._enter(env)
-
-    def _enter(self, env: int) -> None:
-        self._sight.enter(env)
-        self._views.forget(env)
-
-    # -- observations --------------------------------------------------------------------------------------------
-
-    def observe_with(self, make_observer: Callable[[Task], Observer]) -> None:
-        """Observe in another way from the next `reset` or `step` on; for wrappers.
+    def _observe(self, envs: np.ndarray | None = None, asked: np.ndarray | None = None) -> dict[str, Any]:
+        """Observe environments, (B,) bool, all by default; return their infos as arrays (B, ...).
 
         Args:
-            make_observer: called for each environment, and again in copies: what pickles, if those shall.
+            envs: who observes.
+            asked: (B,) bool, of whom the observation mode's own infos are wanted; None for all that observe.
         """
-        self._make_observer = make_observer
-        observer: VectorObserver
-        if make_observer is StateObserver:
-            observer = VectorStateObserver(self.task)
-        else:
-            observer = VectorVisionObserver(partial(make_observer, self.task), self.num_envs, self.num_threads)
-        self.single_observation_space = observer.space
-        self.observation_space = batch_space(observer.space, self.num_envs)
-        self._sight = Sight(self._episodes, observer, self.gives_copies)
+        added = self._observations.observe(envs)
+        wanted = {env: info for env, info in added.items() if asked is None or asked[env]}
+        return self._episodes.info() | stacked(wanted, self.num_envs)
+
+    def _set_observation_space(self, space: gym.Space[Any]) -> None:
+        self.single_observation_space = space
+        self.observation_space = batch_space(space, self.num_envs)
 
     def render(self) -> tuple[np.ndarray, ...]:
-        """Every scene from the world camera, B of (480, 640, 3) uint8.
+        """Return every scene from the world camera, B of (480, 640, 3) uint8.
 
         Raises:
             ResetNeededError: called before the first `reset`.
@@ -241,36 +236,39 @@ class ManipulationVectorEnv(CopiedByState, gym.vector.VectorEnv[Any, Any, Any]):
         """
         if self.render_mode is None:
             raise ConfigError("this environment was made without a render mode; pass render_mode='rgb_array'")
-        self._check_begun("render()")
-        return self._views.draw()
+        self._episodes.check_begun("render()")
+        return tuple(self._views.draw(self._episodes, env) for env in range(self.num_envs))
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Stop the threads that render."""
+        self._observations.close()
 
     # -- single environments -------------------------------------------------------------------------------------
 
     def save_state(self, env: int) -> EnvState:
-        """The instant of one environment, as a `ManipulationEnv` has it.
+        """Return the state of one environment, as a `ManipulationEnv` has it.
 
         Raises:
             ConfigError: no environment of this number.
+            ResetNeededError: called before the first `reset`.
         """
-        return save_env(self._episodes, env_number(env, self.num_envs))
+        return self._episodes.save(env_number(env, self.num_envs))
 
     def restore_state(self, env: int, state: EnvState) -> None:
-        """Take back an instant, of this or a single environment; what it observes comes with the next `step`.
+        """Restore a state of this or a single environment; what it observes comes with the next `step`.
 
         Raises:
             StateError: as `ManipulationEnv.restore_state`.
             ConfigError: as `save_state`.
+            ResetNeededError: called before the first `reset`.
         """
-        restore_env(self._episodes, env_number(env, self.num_envs), state)
-        self._enter(env)
+        env = env_number(env, self.num_envs)
+        self._episodes.check_begun("restore_state()")
+        self._restore([env], [state])
         self._done[env] = False
 
-    def close_extras(self, **kwargs: Any) -> None:
-        """Stop the threads that draw."""
-        self._sight.close()
-
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """An attribute of every environment.
+        """Return an attribute of every environment.
 
         Args:
             name: `object`, `level`, `target`, `objects` (what it draws from), `scene`, `snapshot`, `goal`, its
@@ -280,9 +278,12 @@ class ManipulationVectorEnv(CopiedByState, gym.vector.VectorEnv[Any, Any, Any]):
             AttributeError: there is none of this name.
             ResetNeededError: it is of an episode, and none has begun.
         """
-        if name in self._attributes:
-            return self._attributes.get(name)
-        return (getattr(self, SINGLE.get(name, name)),) * self.num_envs
+        if name == "objects":
+            return tuple(sampler.choices for sampler in self._episodes.samplers)
+        if name in _OF_EPISODE:
+            self._episodes.check_begun(f"asking for {name!r}")
+            return tuple(_OF_EPISODE[name](self._episodes, env) for env in range(self.num_envs))
+        return (getattr(self, _SINGLE.get(name, name)),) * self.num_envs
 
     def set_attr(self, name: str, values: Any) -> None:
         """Have environments draw their next objects from elsewhere; episodes under way go on.
@@ -295,10 +296,13 @@ class ManipulationVectorEnv(CopiedByState, gym.vector.VectorEnv[Any, Any, Any]):
             ConfigError: another name, which would need another environment; a list of another length.
             UnknownNameError, AssetError: as of a new environment.
         """
-        self._attributes.set(name, values)
+        if name not in SETTABLE:
+            raise ConfigError(f"{name!r} cannot be set, only {', '.join(SETTABLE)}: make another environment")
+        samplers = zip(self._episodes.samplers, per_env(name, values, self.num_envs), strict=True)
+        self._episodes.samplers = [EpisodeSampler(self.task, choice, old.fixed_target) for old, choice in samplers]
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """`save_state` or `render` of every environment, or an attribute as `get_attr` has it.
+        """Call `save_state` or `render` of every environment, or return an attribute as `get_attr` does.
 
         Raises:
             AttributeError: there is none of this name.
@@ -311,36 +315,25 @@ class ManipulationVectorEnv(CopiedByState, gym.vector.VectorEnv[Any, Any, Any]):
             raise ConfigError(f"{name!r} is no method of one environment; legal: save_state, render")
         return found
 
-    # -- copies, see `CopiedByState` -----------------------------------------------------------------------------
+    # -- copies, see `EnvBase` -----------------------------------------------------------------------------------
 
     def _arguments(self) -> dict[str, Any]:
-        first, *others = self._castings()
-        choices = [casting.choices for casting in self._episodes.castings]
-        return {
+        samplers = self._episodes.samplers
+        are_shared = all(sampler is samplers[0] for sampler in samplers)
+        return super()._arguments() | {
             "num_envs": self.num_envs,
-            "task": self.task.name,
-            "objects": first.choices,
-            "target": first.fixed_target,
-            "obs_mode": self.obs_mode,
-            "reward_mode": self.reward_mode,
-            "control_mode": self.control.mode,
-            "render_mode": self.render_mode,
-            "config": self._config,
-            "env_objects": choices if others else None,
+            "env_objects": None if are_shared else [sampler.choices for sampler in samplers],
             "num_threads": self.num_threads,
             "copy": self.gives_copies,
             "autoreset_mode": self.autoreset_mode,
         }
 
     def _save_episodes(self) -> dict[str, Any]:
-        return save_all(self._episodes) | {"done": self._done, "closed": self._sight.is_closed}
+        own = {"generators": self._generators, "done": self._done, "closed": self._observations.is_closed}
+        return super()._save_episodes() | own
 
     def _restore_episodes(self, saved: dict[str, Any]) -> None:
-        for env in restore_all(self._episodes, saved):
-            self._enter(env)
-        self._done = saved["done"].copy()
+        super()._restore_episodes(saved)
+        self._generators, self._done = list(saved["generators"]), saved["done"].copy()
         if saved["closed"]:
-            self._sight.close()
-
-    def _castings(self) -> tuple[EpisodeSampler, ...]:
-        return tuple({id(casting): casting for casting in self._episodes.castings}.values())
+            self._observations.close()

@@ -38,10 +38,10 @@ class Simulation:
         self.num_envs, self.num_threads = num_envs, num_threads
         self.scenes = [scene] * num_envs
         self._slices = object_slices(scene)
-        self._own_joints = np.zeros((num_envs, scene.layout.joints))  # 1 for the object's joints, 0 for padding
-        self._own_joints[:, : len(scene.object.joints)] = 1.0
+        self._step_s, self._physics_steps = scene.physics.step_s, scene.physics.physics_steps_per_step
         self._models = [copy.copy(scene.model) for _ in range(num_envs)]
         self._make_batch()
+        self._count_joints()
         self._previous_position = self._xpos[:, self._slices.links].copy()
         self._previous_quaternion = self._xquat[:, self._slices.links].copy()
 
@@ -149,11 +149,11 @@ class Simulation:
         state = self._batch.state[rows]
         self.scenes += [self.scenes[i] for i in more]
         self._models += [copy.copy(self._models[i]) for i in more]
-        self._own_joints = self._own_joints[rows]
         self._previous_position = self._previous_position[rows]
         self._previous_quaternion = self._previous_quaternion[rows]
         self.num_envs = num_envs
         self._make_batch()
+        self._count_joints()
         self._batch.state[:] = state
         self._batch.forward(stage=_CURRENT)
 
@@ -167,9 +167,15 @@ class Simulation:
             if self.scenes[i] is not scene:
                 assert scene.layout == self.scene.layout, "scenes of one simulation have one layout"
                 self.scenes[i], self._models[i] = scene, copy.copy(scene.model)
-                self._own_joints[i] = np.arange(scene.layout.joints) < len(scene.object.joints)
                 changed = True
+        if changed:
+            self._count_joints()
         return changed
+
+    def _count_joints(self) -> None:
+        self._object_joints = np.array([len(scene.object.joints) for scene in self.scenes])  # (B,)
+        is_own = np.arange(self.scene.layout.joints) < self._object_joints[:, None]  # the others pad the layout
+        self._own_joints = is_own.astype(np.float64)  # (B, J)
 
     def _set_parameters(self, env: int, state: InitialState) -> None:
         model, scene = self._models[env], self.scenes[env]
@@ -227,7 +233,7 @@ class Simulation:
         ids = slice(None) if env_ids is None else env_ids
         self._keep_link_poses(ids)
         self._ctrl[ids] = targets[ids]
-        self._batch.step(env_ids, nstep=self.scene.physics.physics_steps_per_step, stage=_CURRENT)
+        self._batch.step(env_ids, nstep=self._physics_steps, stage=_CURRENT)
         if self._batch.warning[ids, :, 1].any():
             raise DivergedError(self.diverged(ids))
 
@@ -267,15 +273,14 @@ class Simulation:
 
     def snapshot(self) -> Snapshot:
         """Return the present values; the arrays are copies."""
-        scene, slices, batch = self.scene, self._slices, self.num_envs
-        index = scene.index
+        index, slices, batch = self.scene.index, self._slices, self.num_envs
         qpos, qvel, sensors = self._qpos.copy(), self._qvel.copy(), self._sensors.copy()
         position, quaternion = self._xpos.copy(), self._xquat.copy()
         rotation = self._xmat[:, slices.links].copy().reshape(batch, -1, 3, 3)
         tool_axes = sensors[:, index.tool_axes].reshape(batch, -1, 3, 3)
         return Snapshot(
             time_s=self._time.copy(),
-            step_s=scene.physics.step_s,
+            step_s=self._step_s,
             robot_qpos=qpos[:, index.robot],
             robot_qvel=qvel[:, index.robot],
             robot_joint_anchor_w=self._anchor[:, index.robot].copy(),
@@ -284,7 +289,7 @@ class Simulation:
             fingertip_velocity_w=sensors[:, index.fingertip_velocities].reshape(batch, -1, 3),
             tool_position_w=sensors[:, index.tool_positions].reshape(batch, -1, 3),
             tool_rotation_w=tool_axes.swapaxes(-1, -2),
-            object_joints=self._own_joints.sum(axis=1).astype(np.int64),
+            object_joints=self._object_joints,  # never written to
             object_qpos=qpos[:, slices.qpos] * self._own_joints,
             object_qvel=qvel[:, slices.dof] * self._own_joints,
             root_velocity_w=_root_velocity(qvel[:, index.root_dof], rotation[:, 0]),
@@ -324,7 +329,7 @@ class BareEngine:
         self._batch.set_models(models)
         self._batch.state[:] = simulation._batch.state
         self._ctrl = self._batch.bind("ctrl")
-        self._physics_steps = simulation.scene.physics.physics_steps_per_step
+        self._physics_steps = simulation._physics_steps
 
     def step(self, targets: np.ndarray) -> None:
         """Take one environment step under drive targets (B, R)."""

@@ -57,18 +57,12 @@ FACES = pytest.mark.parametrize("face", [Single, Vector])
 def bits(face: Single) -> list[bytes]:
     """All that states of its environments hold, and what their models, progress and snapshots are beside that."""
     found = [pickle.dumps(state) for state in face.save()]
-    env = face.env
-    if isinstance(env, ManipulationEnv):
-        simulations, progress = [env.simulation], env._progress
-        assert env._snapshot is not None
-        found.append(env._snapshot.body_position_w.tobytes())
-    else:
-        simulations, progress = [squad.simulation for squad in env._episodes.fleet.squads], env._episodes.progress
-    for simulation in simulations:
-        assert simulation is not None
-        for model in simulation._models:
+    episodes = face.env._episodes
+    for batch in episodes.group.batches:
+        found.append(batch.snapshot.body_position_w.tobytes())
+        for model in batch.simulation._models:
             found += [model.dof_frictionloss.tobytes(), model.dof_damping.tobytes(), model.jnt_range.tobytes()]
-    return [*found, progress.elapsed.tobytes(), progress.streaks.tobytes()]
+    return [*found, episodes.progress.elapsed.tobytes(), episodes.progress.streaks.tobytes()]
 
 
 def refuse(face: Single, state: Any, says: str) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.vector.observation import row_of
+from artiskill.envs.observation import row_of
 from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.envs.wrappers import PointCloudDownsample, VectorPointCloudDownsample
 

@@ -170,7 +170,7 @@ def test_an_object_with_a_layout_of_its_own_joins_and_leaves(cabinet_without_lay
     for k in range(3):
         single.reset(options={"level": 2 + k})
         np.testing.assert_array_equal(stepped[k], single.step(zeros(env)[0])[0])
-    assert len(env._episodes.fleet.squads) == 1
+    assert len(env._episodes.group.batches) == 1
 
 
 @pytest.fixture
