@@ -128,7 +128,7 @@ class CategoryConfig:
     mass_kg: tuple[float, ...]  # lowest and highest, of the whole
     link_mass_kg: tuple[float, ...]  # lowest and highest, of each moving link
     ground_friction: float  # as in the category's task
-    object_friction: float  # likewise; wheels have their own
+    object_friction: float  # as in the category's task; wheels have their own
     joints: DynamicsConfig  # of all joints but wheels
     wheels: DynamicsConfig  # of joints that carry nothing but wheels: casters and the wheels themselves
 

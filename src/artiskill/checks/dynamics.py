@@ -100,7 +100,7 @@ class RootMotion:
 
     Attributes:
         moved: (3,) m, from its first place to where it was at the end.
-        moved_xy_m: likewise in the plane, at most.
+        moved_xy_m: its largest distance from its first place, in the plane.
         tilt_rad: how far its z axis leaned at most.
     """
 

@@ -87,7 +87,7 @@ def _judge(link: str, distances: np.ndarray, config: SurfacesConfig, direction: 
 
 
 def check_cavity(context: CheckContext) -> list[CheckResult]:
-    """Check that no collision shape closes a drawer that is drawn hollow: how much of each cavity is solid.
+    """Check that collision shapes leave the visible cavity of each drawer free: how much of it is solid.
 
     The cavity is found from what is drawn: seen from above, everything over the drawer's bottom and under its rim
     that no surface covers. It is then probed with points, at rest, against the shapes of all links.
@@ -101,7 +101,7 @@ def check_cavity(context: CheckContext) -> list[CheckResult]:
             continue
         points = _cavity_points(link)
         if len(points) == 0:
-            results.append(fine(link.name, "it is not drawn hollow"))
+            results.append(fine(link.name, "it has no visible cavity"))
             continue
         world = transform_points(positions[i], quaternions[i], points)
         solid, where = np.zeros(len(points), dtype=bool), []

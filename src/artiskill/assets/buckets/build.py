@@ -34,27 +34,16 @@ def build_bucket(spec: BucketSpec, object_id: str, rng: np.random.Generator) -> 
     add_visuals(base, spec, materials, rng)
     add_collisions(base, spec)
     handles: list[Handle] = add_ears(base, spec, materials["ear"], rng)
-    links = [_link("base", -1, np.zeros(3), None, base, spec.body_kg)]
+    links = [base.link("base", -1, None, density_for_mass(spec.body_kg, base.collisions))]
     if spec.bail is not None:
         name = "link_0"
-        origin = np.array((0.0, 0.0, spec.bail.pivot_z))
-        parts = LinkParts(origin, rng)
+        parts = LinkParts((0.0, 0.0, spec.bail.pivot_z), rng)
         handles.append(add_bail(parts, spec.bail, materials, name, rng))
         limits = (-spec.bail.limit_rad, spec.bail.limit_rad)
         joint = Joint(f"{name}_bail", "revolute", _BAIL_AXIS.copy(), np.zeros(3), limits)
-        links.append(_link(name, 0, origin, joint, parts, spec.bail_kg))
-    bounds = _bounds(links)
-    return ArticulatedObject(
-        object_id, "bucket", tuple(links), tuple(handles), bounds, _metadata(spec, links, handles)
-    )
-
-
-def _link(
-    name: str, parent: int, origin: np.ndarray, joint: Joint | None, parts: LinkParts, mass_kg: float
-) -> Link:
-    shapes = tuple(parts.collisions)
-    density = density_for_mass(mass_kg, shapes)
-    return Link(name, parent, origin, IDENTITY, joint, parts.visuals(), shapes, density, parts.surface_points())
+        links.append(parts.link(name, 0, joint, density_for_mass(spec.bail_kg, parts.collisions)))
+    facts = _metadata(spec, links, handles)
+    return ArticulatedObject(object_id, "bucket", tuple(links), tuple(handles), _bounds(links), facts)
 
 
 def _bounds(links: list[Link]) -> np.ndarray:

@@ -75,7 +75,7 @@ class BailConfig:
 
     wire_radius_m: Range
     moulded_half_m: tuple[Range, Range]  # half width and half thickness of a moulded bow
-    strap_half_m: tuple[Range, Range]  # likewise of a strap
+    strap_half_m: tuple[Range, Range]  # half width and half thickness of a strap
     limit_deg: Range  # it turns so far to either side, less where the wall is in the way
     least_limit_deg: float  # a bucket whose bail turns less is drawn again
     grip_length_m: Range

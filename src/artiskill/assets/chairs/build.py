@@ -6,28 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, Joint, Link
-from artiskill.assets.chairs.base import (
-    add_disc,
-    add_mechanism,
-    add_piston,
-    add_runners,
-    add_sled,
-    add_star,
-    add_tube,
-    knee,
-    pivot,
-)
+from artiskill.assets.chairs import base, upper
 from artiskill.assets.chairs.casters import add_caster, add_wheel, caster_poses, wheel_axis, wheel_centre
 from artiskill.assets.chairs.link_builder import LinkBuilder, make_tiled_materials
 from artiskill.assets.chairs.spec import ChairSpec
-from artiskill.assets.chairs.upper import (
-    add_arms,
-    add_back,
-    add_recline_bracket,
-    add_seat,
-    add_support,
-    recline_axis,
-)
 from artiskill.assets.kinematics import density_for_mass
 from artiskill.assets.parts import LinkParts
 from artiskill.geometry.rotations import quat_rotate
@@ -35,7 +17,7 @@ from artiskill.geometry.rotations import quat_rotate
 _ENDLESS = (-math.inf, math.inf)
 _UP = (0.0, 0.0, 1.0)
 _BACKWARDS = (0.0, 1.0, 0.0)  # about +y what stands on the axis leans towards +x
-_BASES = {"star": add_star, "disc": add_disc, "sled": add_sled, "cantilever": add_runners}
+_BASES = {"star": base.add_star, "disc": base.add_disc, "sled": base.add_sled, "cantilever": base.add_runners}
 
 
 def build_chair(spec: ChairSpec, object_id: str, rng: np.random.Generator) -> ArticulatedObject:
@@ -50,10 +32,10 @@ def build_chair(spec: ChairSpec, object_id: str, rng: np.random.Generator) -> Ar
         rng: draws surface samples.
     """
     assembly = _Assembly(spec, rng)
-    base = assembly.add(-1, np.zeros(3), spec.masses.base)
-    _BASES[spec.base.kind](assembly.builder(base), spec)
+    root = assembly.add(-1, np.zeros(3), spec.masses.base)
+    _BASES[spec.base.kind](assembly.builder(root), spec)
     _add_casters(assembly)
-    below = base if spec.column is None else _add_column(assembly)
+    below = root if spec.column is None else _add_column(assembly)
     _add_upper(assembly, below)
     links = assembly.links()
     # around everything drawn, at joint value 0
@@ -126,14 +108,14 @@ def _add_column(assembly: _Assembly) -> int:
     """Add tube and piston; return the link that carries the mechanism."""
     spec, column = assembly.spec, assembly.spec.column
     assert column is not None
-    add_tube(assembly.builder(0), spec)
+    base.add_tube(assembly.builder(0), spec)
     index = 0
     if column.travel_m > 0:
         reference = -column.force_n / column.stiffness_n_m
         limits = (0.0, column.travel_m)
         joint = Joint("lift", "prismatic", np.array(_UP), np.zeros(3), limits, column.stiffness_n_m, reference)
         index = assembly.add(0, np.array((0.0, 0.0, spec.mechanism_bottom_m)), 0.0, joint)
-    add_piston(assembly.builder(index), spec)
+    base.add_piston(assembly.builder(index), spec)
     assembly.drafts[index].mass_kg += spec.masses.piston
     return index
 
@@ -143,23 +125,23 @@ def _add_upper(assembly: _Assembly, below: int) -> None:
     spec, box = assembly.spec, assembly.spec.mechanism
     tilt = _sprung("tilt", box.tilt_rad, box.tilt_moment_n_m, box.tilt_stiffness_n_m)
     if spec.base.kind == "cantilever":
-        seat = assembly.add(below, knee(spec), 0.0, tilt)
+        seat = assembly.add(below, base.knee(spec), 0.0, tilt)
     else:
         bottom = np.array((0.0, 0.0, spec.mechanism_bottom_m))
         seat = assembly.add(below, bottom, spec.masses.mechanism, _turning("swivel", _UP))
-        add_mechanism(assembly.builder(seat), spec)
+        base.add_mechanism(assembly.builder(seat), spec)
         if box.tilt_rad > 0:
-            seat = assembly.add(seat, pivot(spec), 0.0, tilt)
-    add_seat(assembly.builder(seat), spec)
+            seat = assembly.add(seat, base.pivot(spec), 0.0, tilt)
+    upper.add_seat(assembly.builder(seat), spec)
     assembly.drafts[seat].mass_kg += spec.masses.seat
     back = seat
     if box.recline_rad > 0:
-        add_recline_bracket(assembly.builder(seat), spec)
+        upper.add_recline_bracket(assembly.builder(seat), spec)
         joint = _sprung("recline", box.recline_rad, box.recline_moment_n_m, box.recline_stiffness_n_m)
-        back = assembly.add(seat, recline_axis(spec), 0.0, joint)
-    add_support(assembly.builder(back), spec)
-    add_back(assembly.builder(back), spec)
-    add_arms(assembly.builder(back if spec.arms.kind == "cantilever" else seat), spec)
+        back = assembly.add(seat, upper.recline_axis(spec), 0.0, joint)
+    upper.add_support(assembly.builder(back), spec)
+    upper.add_back(assembly.builder(back), spec)
+    upper.add_arms(assembly.builder(back if spec.arms.kind == "cantilever" else seat), spec)
     assembly.drafts[back].mass_kg += spec.masses.back
 
 

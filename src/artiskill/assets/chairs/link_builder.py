@@ -81,7 +81,7 @@ class LinkBuilder:
     def add_bar_visual(
         self, bar: "Beam | Tube", surface: str, part: str, fillet_m: float = 0.0, count: int = 8
     ) -> None:
-        """Add a bar or a tube that nothing touches; its texture coordinates are in metres."""
+        """Add a bar or a tube without collision shapes; its texture coordinates are in metres."""
         mesh = bar.mesh(count, fillet_m)
         if mesh.uvs is not None:
             mesh = TriMesh(mesh.vertices, mesh.faces, mesh.uvs / np.float32(self.materials[surface].tile_m))
@@ -93,7 +93,7 @@ class LinkBuilder:
         self.add_collision(*bar.shapes(part))
 
     def add_pad_visual(self, pad: Pad, surface: str, part: str, count: int = 28, seen: Faces = "both") -> None:
-        """Add a pad that nothing touches; a face that is not seen is meshed coarsely."""
+        """Add a pad without collision shapes; a face that is not seen is meshed coarsely."""
         mesh = pad_mesh(pad, self.materials[surface].tile_m, _TEXTURE_PLACE, count, seen)
         self.add_visual(mesh, surface, part)
 
@@ -119,7 +119,7 @@ class Beam:
             height: one number or P.
             lateral: (3,) direction, nowhere along the path.
             round_: whether the section is an ellipse instead of a rounded rectangle.
-            nose_m: how far the drawn end reaches beyond the path, rounded.
+            nose_m: how far the mesh reaches beyond the path, rounded.
         """
         self.path = np.asarray(path, dtype=float)
         self.width = np.broadcast_to(np.asarray(width, dtype=float), len(self.path))
