@@ -269,7 +269,7 @@ def _check_resolved(resolved: list[str | ArticulatedObject]) -> None:
 
 
 def _import_partnet(name: str | Path, needs: Needs | None) -> ArticulatedObject:
-    from artiskill.assets.partnet.importer import find_partnet_folder, import_partnet
+    from artiskill.assets.partnet import find_partnet_folder, import_partnet
 
     number = partnet_id(name) if isinstance(name, str) else None
     return import_partnet(Path(name) if number is None else find_partnet_folder(number), needs=needs)

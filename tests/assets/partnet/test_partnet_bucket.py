@@ -10,7 +10,7 @@ import pytest
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.partnet import import_partnet
-from artiskill.assets.partnet.overlaps import shape_hull
+from artiskill.assets.partnet.collisions import shape_hull
 from artiskill.errors import AssetError
 from artiskill.geometry.meshes import TriMesh, depth_inside, merge
 from artiskill.geometry.primitives import box, lathe, tube

@@ -10,7 +10,7 @@ import pytest
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.partnet import import_partnet
-from artiskill.assets.partnet.wheels import TREAD_HALF_WIDTH_M
+from artiskill.assets.partnet.round_parts import TREAD_HALF_WIDTH_M
 from artiskill.geometry.meshes import TriMesh
 from artiskill.geometry.primitives import box, cylinder, sphere
 from artiskill.scene.object_model import add_object

@@ -5,8 +5,7 @@ import pytest
 
 from artiskill.assets.partnet import decompose as module
 from artiskill.assets.partnet import hull_cache
-from artiskill.assets.partnet.collisions import BODY
-from artiskill.assets.partnet.collisions import GRIP as HANDLE
+from artiskill.assets.partnet.collisions import BODY_CONFIG, HANDLE_CONFIG
 from artiskill.assets.partnet.decompose import DecompositionPart, decompose
 from artiskill.assets.partnet.hull_cache import decompose_cached, default_cache_dir
 from artiskill.assets.partnet.meshes import (
@@ -50,8 +49,8 @@ def test_weld_joins_seams_and_twin_faces():
 @pytest.mark.parametrize("mesh", [box((0.2, 0.1, 0.01)), cylinder(0.02, 0.1), sphere(0.03)])
 def test_convex_parts_need_no_coacd(mesh, monkeypatch):
     monkeypatch.setattr(module, "_run_coacd", lambda *_: pytest.fail("coacd was used"))
-    (hull,) = decompose(DecompositionPart((mesh,), BODY))
-    assert len(hull) <= BODY.max_vertices
+    (hull,) = decompose(DecompositionPart((mesh,), BODY_CONFIG))
+    assert len(hull) <= BODY_CONFIG.max_vertices
     assert convex_hull(hull).volume_m3 <= convex_hull(mesh.vertices).volume_m3 + 1e-12
 
 
@@ -65,7 +64,7 @@ def test_thin_points_get_a_volume(extent):
 def test_bent_sheet_becomes_slabs():
     points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1)]
     faces = [(0, 1, 2), (0, 2, 3), (0, 4, 5), (0, 5, 1)]
-    hulls = decompose(DecompositionPart((TriMesh(np.array(points) * 0.3, np.array(faces)),), BODY))
+    hulls = decompose(DecompositionPart((TriMesh(np.array(points) * 0.3, np.array(faces)),), BODY_CONFIG))
     assert len(hulls) == 2
     assert all(convex_hull(h).volume_m3 == pytest.approx(0.3 * 0.3 * 0.003) for h in hulls)
 
@@ -79,10 +78,10 @@ def test_limit_vertices_loses_little():
 
 @pytest.mark.filterwarnings("ignore")
 def test_coacd_follows_a_bent_bar_closely_and_repeats(rng):
-    part = DecompositionPart((arch(),), HANDLE)
+    part = DecompositionPart((arch(),), HANDLE_CONFIG)
     hulls = decompose(part)
-    assert 3 <= len(hulls) <= HANDLE.max_hulls
-    assert max(map(len, hulls)) <= HANDLE.max_vertices
+    assert 3 <= len(hulls) <= HANDLE_CONFIG.max_hulls
+    assert max(map(len, hulls)) <= HANDLE_CONFIG.max_vertices
     meshes = [convex_hull(h).mesh for h in hulls]
     probes = sample_surface([arch()], 1000, rng)
     to_hulls = np.min([distance_to_surface(probes, m) for m in meshes], axis=0)
@@ -95,27 +94,28 @@ def test_coacd_follows_a_bent_bar_closely_and_repeats(rng):
 
 
 def test_cache(tmp_path, monkeypatch):
-    parts = [DecompositionPart((box((0.2, 0.1, 0.01)),), BODY), DecompositionPart((cylinder(0.02, 0.1),), HANDLE)]
+    parts = [
+        DecompositionPart((box((0.2, 0.1, 0.01)),), BODY_CONFIG),
+        DecompositionPart((cylinder(0.02, 0.1),), HANDLE_CONFIG),
+    ]
     first = decompose_cached(parts, tmp_path)
     files = list((tmp_path / "partnet").iterdir())
     assert {file.suffix for file in files} == {".npz"}
     assert len(files) == 3  # each part, and the whole
     calls = []
-    original = hull_cache.decompose_parts
-    monkeypatch.setattr(
-        hull_cache, "decompose_parts", lambda parts, *more: calls.extend(parts) or original(parts, *more)
-    )
+    original = hull_cache.decompose_quickly
+    monkeypatch.setattr(hull_cache, "decompose_quickly", lambda part: calls.append(part) or original(part))
     for old, new in zip(first, decompose_cached(parts, tmp_path), strict=True):
         np.testing.assert_array_equal(old[0], new[0])
     assert not calls
-    decompose_cached([DecompositionPart(parts[0].meshes, HANDLE), parts[1]], tmp_path)  # other parameters of one
+    decompose_cached([DecompositionPart(parts[0].meshes, HANDLE_CONFIG), parts[1]], tmp_path)
     assert len(calls) == 1
     assert len(list((tmp_path / "partnet").iterdir())) == 5
 
 
 @pytest.mark.parametrize("damage", [b"", b"PK\x03\x04 and then nothing", b"x" * 100])
 def test_damaged_cache_is_computed_anew(tmp_path, damage):
-    parts = [DecompositionPart((box((0.2, 0.1, 0.01)),), BODY)]
+    parts = [DecompositionPart((box((0.2, 0.1, 0.01)),), BODY_CONFIG)]
     first = decompose_cached(parts, tmp_path)
     files = {file: file.read_bytes() for file in (tmp_path / "partnet").iterdir()}
     for cut in (False, True):
@@ -130,11 +130,11 @@ def test_damaged_cache_is_computed_anew(tmp_path, damage):
 def test_changed_cache_is_noticed_and_computed_anew(tmp_path, caplog):
     """Whole files, as numpy sees it: one value, one name or one array is another."""
     folder = tmp_path / "partnet"
-    parts = [DecompositionPart((box((0.2, 0.1, 0.01)),), BODY)]
+    parts = [DecompositionPart((box((0.2, 0.1, 0.01)),), BODY_CONFIG)]
     first = decompose_cached(parts, tmp_path)[0][0]
     assert not caplog.messages
     wholes = {file: file.read_bytes() for file in sorted(folder.iterdir())}  # the part and the object
-    decompose_cached([DecompositionPart((box((0.1, 0.1, 0.3)),), BODY)], tmp_path)
+    decompose_cached([DecompositionPart((box((0.1, 0.1, 0.3)),), BODY_CONFIG)], tmp_path)
     other = sorted(set(folder.iterdir()) - set(wholes))[0]
     changes = [
         lambda arrays: arrays | {"points": arrays["points"] + 1e-9},
@@ -165,7 +165,7 @@ def test_changed_cache_is_noticed_and_computed_anew(tmp_path, caplog):
 def test_unwritable_cache_only_costs_time(tmp_path):
     blocked = tmp_path / "file"
     blocked.write_text("in the way")
-    assert len(decompose_cached([DecompositionPart((box((0.1, 0.1, 0.1)),), BODY)], blocked)[0]) == 1
+    assert len(decompose_cached([DecompositionPart((box((0.1, 0.1, 0.1)),), BODY_CONFIG)], blocked)[0]) == 1
     assert blocked.read_text() == "in the way"
 
 

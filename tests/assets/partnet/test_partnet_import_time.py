@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,15 +21,19 @@ from benchmarks.partnet_folders import (
     write_object,
 )
 
-from artiskill.assets.partnet import hull_workers, import_partnet
-from artiskill.assets.partnet.collisions import BODY, GRIP
-from artiskill.assets.partnet.decompose import DecompositionPart, decompose
+from artiskill.assets.partnet import hull_cache, import_partnet
+from artiskill.assets.partnet.collisions import BODY_CONFIG, HANDLE_CONFIG
+from artiskill.assets.partnet.decompose import (
+    DecompositionConfig,
+    DecompositionPart,
+    bisect_hulls,
+    decompose,
+    hull_distance,
+)
 from artiskill.assets.partnet.hull_cache import decompose_cached
-from artiskill.assets.partnet.joining import join_hulls
-from artiskill.assets.partnet.meshes import distance_to_surface, weld
-from artiskill.assets.partnet.progress import ProgressLines
+from artiskill.assets.partnet.importer import ProgressLines
+from artiskill.assets.partnet.meshes import distance_to_surface, join_hulls, weld
 from artiskill.assets.partnet.simplify import collapse, lighten
-from artiskill.assets.partnet.slicing import bisect_hulls, hull_distance
 from artiskill.errors import AssetError
 from artiskill.geometry.meshes import TriMesh, convex_hull, depth_inside, merge, sample_surface
 from artiskill.geometry.primitives import box, tube
@@ -104,22 +109,22 @@ def test_a_script_without_main_guard_may_import(folder, content_hash, tmp_path):
 
 
 def test_a_worker_that_ends_is_told(tmp_path, monkeypatch):
-    monkeypatch.setattr(hull_workers, "_COMMAND", "import os, signal; os.kill(os.getpid(), signal.SIGSEGV); {}")
-    parts = [DecompositionPart((bow(0.1, 0.03, 0.005),), GRIP)]
+    monkeypatch.setattr(hull_cache, "_COMMAND", "import os, signal; os.kill(os.getpid(), signal.SIGSEGV); {}")
+    parts = [DecompositionPart((bow(0.1, 0.03, 0.005),), HANDLE_CONFIG)]
     with pytest.raises(AssetError, match=r"ended by itself \(SIGSEGV\)"):
         decompose_cached(parts, tmp_path)
 
 
 def test_errors_of_a_worker_arrive(tmp_path, monkeypatch):
-    command = "import sys; sys.modules['coacd'] = None; " + hull_workers._COMMAND
-    monkeypatch.setattr(hull_workers, "_COMMAND", command)
+    command = "import sys; sys.modules['coacd'] = None; " + hull_cache._COMMAND
+    monkeypatch.setattr(hull_cache, "_COMMAND", command)
     with pytest.raises(ImportError, match="import"):
-        decompose_cached([DecompositionPart((coil(),), GRIP)], tmp_path)
+        decompose_cached([DecompositionPart((coil(),), HANDLE_CONFIG)], tmp_path)
 
 
 def test_progress_is_told_only_of_what_takes_long(capsys, monkeypatch):
     now = [0.0]
-    monkeypatch.setattr("artiskill.assets.partnet.progress.time.perf_counter", lambda: now[0])
+    monkeypatch.setattr("artiskill.assets.partnet.importer.time.perf_counter", lambda: now[0])
     told = ProgressLines("40147")
     for seconds, done in ((0.1, 10), (0.9, 20), (1.5, 30), (2.0, 31), (12.0, 40), (14.0, 50)):
         now[0] = seconds
@@ -146,10 +151,11 @@ def coil() -> TriMesh:
 def test_halves_of_halves_follow_a_closed_ring(rng):
     t = np.linspace(0, 2 * np.pi * 31 / 32, 32)
     ring = tube(np.stack((0.06 * np.cos(t), 0.06 * np.sin(t), 0 * t), axis=1), 0.006)
-    hulls, error_m = bisect_hulls(ring, 10, 0.0015, 0.002, 32)
+    config = DecompositionConfig(tolerance_m=0.0015, thickness_m=0.002, max_hulls=10, max_vertices=32)
+    hulls, error_m = bisect_hulls(ring, config)
     assert 6 <= len(hulls) <= 10
     assert error_m < 0.004
-    (whole,), far_m = bisect_hulls(ring, 1, 0.0015, 0.002, 32)
+    (whole,), far_m = bisect_hulls(ring, replace(config, max_hulls=1))
     assert far_m > 0.03
     assert error_m == pytest.approx(hull_distance(hulls, ring))
     drawn = sample_surface([ring], 300, rng)
@@ -211,8 +217,8 @@ def test_far_hulls_are_not_joined_while_near_ones_can_be():
     ids=["open carving", "doubled panel", "holed shell"],
 )
 def test_hard_meshes_are_followed(mesh, rng):
-    hulls = [convex_hull(hull) for hull in decompose(DecompositionPart((mesh,), BODY))]
-    assert 1 <= len(hulls) <= BODY.max_hulls
+    hulls = [convex_hull(hull) for hull in decompose(DecompositionPart((mesh,), BODY_CONFIG))]
+    assert 1 <= len(hulls) <= BODY_CONFIG.max_hulls
     drawn = sample_surface([mesh], 400, rng)
     outside = np.min([-depth_inside(hull.planes, drawn) for hull in hulls], axis=0)
     assert np.quantile(outside, 0.95) < 0.001
@@ -227,8 +233,8 @@ def test_a_soup_of_loose_triangles_is_one_piece_and_quick(rng):
     mesh = TriMesh(
         (centres + rng.normal(size=(6_000, 3, 3)) * 0.003).reshape(-1, 3), np.arange(18_000).reshape(-1, 3)
     )
-    hulls = decompose(DecompositionPart((mesh,), BODY))
-    assert 1 <= len(hulls) <= BODY.max_hulls
+    hulls = decompose(DecompositionPart((mesh,), BODY_CONFIG))
+    assert 1 <= len(hulls) <= BODY_CONFIG.max_hulls
 
 
 @pytest.mark.slow

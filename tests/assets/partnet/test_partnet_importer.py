@@ -8,8 +8,8 @@ import pytest
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.partnet import import_partnet
-from artiskill.assets.partnet.importer import default_scale
-from artiskill.assets.partnet.overlaps import shape_hull
+from artiskill.assets.partnet.collisions import shape_hull
+from artiskill.assets.partnet.placement import default_scale
 from artiskill.errors import AssetError, MissingExtraError
 from artiskill.gallery.facts import object_mass_kg
 from artiskill.geometry.meshes import depth_inside

@@ -6,14 +6,14 @@ What is decided here, and written to `metadata`:
   a cabinet's bounds or of a chair's or bucket's footprint. All link frames are parallel to the object's with all
   joints at 0; a hinged link's frame sits on its axis, a sliding link's in the middle of its bounds. The wall of a
   cabinet that ArtiSkill exported stays a link of its own.
-- Scale: the data set's models measure about 2 across; `placing.default_scale` says what they become. Folders that
-  are in metres already say so themselves (`own_frame`).
-- At rest every joint is at its lower limit: closed in cabinets, let down in chairs (`closing`). Bodies that are
+- Scale: the data set's models measure about 2 across; `placement.default_scale` says what they become. Folders
+  that are in metres already say so themselves.
+- At rest every joint is at its lower limit: closed in cabinets, let down in chairs (`placement`). Bodies that are
   rigid with the root are `base`. Links on which nothing drawn hangs are left out.
 - Parts of chairs and buckets bear the benchmark's names (`part_names`); `metadata["parts"]` has both.
 - Handles are the parts named so; on links that move. Where there are none, the object imports and a warning in
   `metadata["warnings"]` says so; it has no target links then.
-- What has more drawn triangles than are quick is drawn with fewer (`thinning`); `metadata["warnings"]` says so.
+- What has more drawn triangles than are quick is drawn with fewer (`simplify`); `metadata["warnings"]` says so.
 - Collision shapes follow the drawn surfaces, part by part (`collisions`); the URDF's own are the same meshes
   again, not convex, and are left out.
 
@@ -22,34 +22,39 @@ The costly part, the convex decomposition, is kept on disk (`hull_cache`): a sec
 
 import numbers
 import re
+import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from artiskill.assets.articulated_object import ROOM_WALL, ArticulatedObject, Category, check_object_id
-from artiskill.assets.needs import Needs
-from artiskill.assets.partnet.bodies import body_poses, build_bodies, drop_empty, transform
-from artiskill.assets.partnet.closing import RestRule, rest_joints
-from artiskill.assets.partnet.collisions import Decompose
+from artiskill.assets.articulated_object import (
+    ROOM_WALL,
+    ArticulatedObject,
+    Category,
+    Handle,
+    Link,
+    check_object_id,
+)
+from artiskill.assets.kinematics import shapes_volume_m3
+from artiskill.assets.needs import MovingLink, Needs
+from artiskill.assets.partnet.collisions import Decompose, find_overlaps
 from artiskill.assets.partnet.decompose import DecompositionPart, import_coacd
-from artiskill.assets.partnet.drawn import read_drawn, vertices_of
-from artiskill.assets.partnet.folder import URDF_NAME, find_partnet_folder, open_object
+from artiskill.assets.partnet.drawn import DrawnMesh, read_drawn, vertices_of
+from artiskill.assets.partnet.folder import URDF_NAME, open_object
 from artiskill.assets.partnet.hull_cache import OnProgress, decompose_cached, default_cache_dir
 from artiskill.assets.partnet.links import Source, build_links
-from artiskill.assets.partnet.own_frame import read_own_frame
-from artiskill.assets.partnet.placing import check_size, default_scale, find_placement
-from artiskill.assets.partnet.preview import moving_links
-from artiskill.assets.partnet.progress import ProgressLines
-from artiskill.assets.partnet.remarks import find_remarks, measures, part_names
-from artiskill.assets.partnet.semantics import read_category, read_part_names
-from artiskill.assets.partnet.thinning import thin_out
-from artiskill.assets.partnet.urdf import read_urdf
+from artiskill.assets.partnet.part_names import UNKNOWN, WHEEL, PartNames, read_category, read_part_names
+from artiskill.assets.partnet.placement import RestRule, check_size, find_placement, read_own_frame, rest_joints
+from artiskill.assets.partnet.simplify import thin_out
+from artiskill.assets.partnet.urdf import Body, body_poses, build_bodies, drop_empty, read_urdf, transform
 from artiskill.errors import AssetError, shown
-
-__all__ = ["default_scale", "find_partnet_folder", "import_partnet"]
+from artiskill.geometry.arrays import total
 
 _REST_RULES: dict[Category, RestRule] = {"cabinet": "close", "chair": "settle", "bucket": "keep"}
+# of progress lines: what takes less needs none; from one to the next
+_SILENT_S, _INTERVAL_S = 1.0, 10.0
 
 
 def import_partnet(
@@ -94,8 +99,8 @@ def import_partnet(
         check_object_id(identifier)
 
         def decompose(parts: Sequence[DecompositionPart], most: int | None) -> list[list[np.ndarray]]:
-            told = on_progress or ProgressLines(name)
-            return decompose_cached(parts, cache_dir or default_cache_dir(), most, workers, told)
+            progress = on_progress or ProgressLines(name)
+            return decompose_cached(parts, cache_dir or default_cache_dir(), most, workers, progress)
 
         return _import_folder(folder, name, identifier, scale, decompose, needs)
 
@@ -111,7 +116,7 @@ def _import_folder(
     apart = None if own_frame is None else ROOM_WALL  # what an export wrote
     bodies, names = build_bodies(read_urdf(folder / URDF_NAME), apart), read_part_names(folder, category)
     if needs is not None:
-        needs.check_links(name, moving_links(bodies, names, category))
+        needs.check_links(name, _moving_links(bodies, names, category))
     if own_frame is None:
         bodies, warnings = drop_empty(bodies)
     else:  # what an export wrote is taken as it is
@@ -123,17 +128,17 @@ def _import_folder(
     rule = "keep" if own_frame is not None and category != "cabinet" else _REST_RULES[category]
     rest, said = rest_joints(bodies, points, rule, name)
     warnings += said
-    standing = body_poses(bodies, [joint.standing if joint else 0.0 for joint in rest])
+    at_rest = body_poses(bodies, [joint.rest_value if joint else 0.0 for joint in rest])
     of_object = [i for i, body in enumerate(bodies) if i == 0 or body.joint is not None]
-    world = np.concatenate([transform(standing[i], points[i]) for i in of_object])
+    world = np.concatenate([transform(at_rest[i], points[i]) for i in of_object])
     place = find_placement(category, world, own_frame, scale)
     bounds = np.stack((place.apply(world.min(axis=0)), place.apply(world.max(axis=0))))
     check_size(np.ptp(bounds, axis=0), place.scale, name)
     poses = body_poses(bodies, [joint.value if joint else 0.0 for joint in rest])
-    links, grips = build_links(Source(category, bodies, drawn, rest, poses), place, decompose, warnings)
-    handles = tuple(grip.handle for grip in grips)
+    links, found = build_links(Source(category, bodies, drawn, rest, poses), place, decompose, warnings)
+    handles = tuple(one.handle for one in found)
     links, said = thin_out(links, category)
-    warnings += said + find_remarks(links, handles, category)
+    warnings += said + _final_warnings(links, handles, category)
     return ArticulatedObject(
         id=identifier,
         category=category,
@@ -145,9 +150,96 @@ def _import_folder(
             "partnet_id": name,
             "model_category": model_category,
             "scale": place.scale,
-            **measures([links[i] for i in of_object], handles, bounds),
-            "parts": part_names(drawn),
-            "handle_gaps_m": tuple(grip.gap_m for grip in grips),
+            **_measures([links[i] for i in of_object], handles, bounds),
+            "parts": _part_names(drawn),
+            "handle_gaps_m": tuple(one.gap_m for one in found),
             "warnings": tuple(dict.fromkeys(warnings)),
         },
     )
+
+
+class ProgressLines:
+    """Prints a line on standard error now and then, as far as an import takes long."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._start = time.perf_counter()
+        self._next_s = _SILENT_S
+        self._before: int | None = None  # parts that an earlier import had done
+
+    def __call__(self, done: int, total: int) -> None:
+        """Print how many parts are done, if it is time to."""
+        now = time.perf_counter() - self._start
+        if self._before is None:
+            self._before = done
+        if now < self._next_s and not (done == total and self._next_s > _SILENT_S):
+            return
+        line = f"{self._name}: finding collision shapes, once: {done} of {total} parts, {now:.0f} s"
+        if self._before < done < total:
+            line += f", about {now / (done - self._before) * (total - done):.0f} s left"
+        print(line, file=sys.stderr, flush=True)
+        self._next_s = now + _INTERVAL_S
+
+
+def _moving_links(bodies: tuple[Body, ...], names: PartNames, category: Category) -> tuple[MovingLink, ...]:
+    """Return the links that the finished object's joints will move, and whether they will have handles.
+
+    Doors that turn without end have no closed pose; their handles do not count.
+    """
+    found = []
+    for body in bodies:
+        if body.joint is None:
+            continue
+        endless = body.joint.kind == "continuous" or body.joint.limits == (-np.inf, np.inf)
+        usable = any(names.label(mesh).is_handle for mesh in body.meshes)
+        found.append(
+            MovingLink(
+                body.name,
+                "prismatic" if body.joint.kind == "prismatic" else "revolute",
+                usable and not (endless and category == "cabinet"),
+            )
+        )
+    return tuple(found)
+
+
+def _part_names(drawn: Sequence[Sequence[DrawnMesh]]) -> dict[str, str]:
+    """Return the data set's names of all parts, and what each is called here; a name may stand for several."""
+    found: dict[str, set[str]] = {}
+    for meshes in drawn:
+        for mesh in meshes:
+            found.setdefault(mesh.label.name, set()).add(mesh.label.part)
+    return {name: ", ".join(sorted(found[name])) for name in sorted(found)}
+
+
+def _measures(links: Sequence[Link], handles: Sequence[Handle], bounds: np.ndarray) -> dict[str, object]:
+    """Return size at rest, mass, number of joints, kinds of handles, named as of generated objects."""
+    depth, width, height = (round(float(v), 4) for v in np.ptp(bounds, axis=0))
+    mass = total(link.density_kg_m3 * shapes_volume_m3(link.collisions) for link in links)
+    return {
+        "width_m": width,
+        "depth_m": depth,
+        "height_m": height,
+        "mass_kg": round(float(mass), 3),
+        "joints": sum(link.joint is not None for link in links),
+        "handles": sorted({handle.kind for handle in handles}),
+    }
+
+
+def _final_warnings(links: tuple[Link, ...], handles: tuple[Handle, ...], category: Category) -> list[str]:
+    """Return warnings about the finished object."""
+    found = []
+    unnamed = [link.name for link in links if any(v.part == UNKNOWN for v in link.visuals)]
+    if unnamed:
+        found.append(f"meshes without a part name, in the URDF and in result.json, on: {', '.join(unnamed)}")
+    found += [
+        f"link {link.name!r} has no mesh: a joint in a chain, with neither surface nor mass of its own"
+        for link in links[1:]
+        if not link.collisions
+    ]
+    if category == "chair" and not any(shape.part == WHEEL for link in links for shape in link.collisions):
+        found.append("no part is named wheel: the chair slides, it does not roll")
+    if category == "bucket" and not handles:
+        found.append("no movable link has a part named handle: the bucket has no bail")
+    if category == "cabinet" and not handles:
+        found.append("no movable link has a part named handle or knob: the object has no target links")
+    return found + (find_overlaps(links) if category == "cabinet" else [])

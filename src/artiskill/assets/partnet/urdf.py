@@ -1,17 +1,17 @@
-"""The part of URDF that PartNet-Mobility uses, read into plain values: links, meshes, joints.
+"""The part of URDF that PartNet-Mobility uses: links, meshes and joints, then rigid bodies without fixed joints.
 
 Frames and units are the file's: each link has its own frame, lengths are unscaled, angles radians.
 """
 
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from artiskill.errors import AssetError, shown
 from artiskill.files import is_file, read_bytes
-from artiskill.geometry.rotations import quat_from_rpy, quat_to_matrix
+from artiskill.geometry.rotations import quat_from_axis_angle, quat_from_rpy, quat_to_matrix
 
 JOINT_TYPES = ("fixed", "revolute", "continuous", "prismatic")
 # The data set's objects measure about 2 across; beyond this, squares and products would overflow somewhere.
@@ -24,12 +24,14 @@ class UrdfMesh:
     """A mesh of a link.
 
     Attributes:
+        link: name of the link that lists it.
         name: the element's name, `handle-15` say, or None (older folders).
         file: path relative to the object's folder, as written.
-        pose: (4, 4) of the mesh in the link's frame.
+        pose: (4, 4) of the mesh in the link's frame; in a body's, in that of the body.
         scale: (3,) factors on the file's coordinates.
     """
 
+    link: str
     name: str | None
     file: str
     pose: np.ndarray
@@ -84,7 +86,7 @@ def read_urdf(path: Path) -> UrdfModel:
         name = _attribute(element, "name", where)
         if name in links:
             raise AssetError(f"{where}: two links are named {name!r}")
-        links[name] = tuple(_read_mesh(visual, f"{where}: link {name!r}") for visual in element.findall("visual"))
+        links[name] = tuple(_read_mesh(visual, name, where) for visual in element.findall("visual"))
     if len(links) > _MOST_LINKS:
         raise AssetError(f"{where} has {len(links)} links; at most {_MOST_LINKS} are legal")
     joints = tuple(_read_joint(element, where) for element in robot.findall("joint"))
@@ -92,14 +94,14 @@ def read_urdf(path: Path) -> UrdfModel:
 
 
 def pose_matrix(position: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """(3,) and (3, 3) to a homogeneous (4, 4)."""
+    """Return the homogeneous (4, 4) of a position (3,) and a rotation (3, 3)."""
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation, position
     return pose
 
 
 def _check_tree(links: dict[str, tuple[UrdfMesh, ...]], joints: tuple[UrdfJoint, ...], where: str) -> str:
-    """The root link's name; raises AssetError unless the joints make one tree of all links."""
+    """Return the root link's name; raise AssetError unless the joints make one tree of all links."""
     parent_of: dict[str, str] = {}
     for joint in joints:
         for end in (joint.parent, joint.child):
@@ -124,7 +126,8 @@ def _check_tree(links: dict[str, tuple[UrdfMesh, ...]], joints: tuple[UrdfJoint,
     return roots[0]
 
 
-def _read_mesh(visual: ET.Element, where: str) -> UrdfMesh:
+def _read_mesh(visual: ET.Element, link: str, where: str) -> UrdfMesh:
+    where = f"{where}: link {link!r}"
     mesh = visual.find("geometry/mesh")
     if mesh is None:
         found = [child.tag for child in visual.findall("geometry/*")]
@@ -132,7 +135,8 @@ def _read_mesh(visual: ET.Element, where: str) -> UrdfMesh:
     scale = _bounded(mesh.get("scale", "1 1 1"), f"{where}: mesh scale")
     if np.any(scale == 0):
         raise AssetError(f"{where}: a mesh scale of 0 is not legal: {mesh.get('scale')!r}")
-    return UrdfMesh(visual.get("name"), _attribute(mesh, "filename", where), _read_pose(visual, where), scale)
+    file = _attribute(mesh, "filename", where)
+    return UrdfMesh(link, visual.get("name"), file, _read_pose(visual, where), scale)
 
 
 def _read_joint(element: ET.Element, where: str) -> UrdfJoint:
@@ -177,7 +181,7 @@ def _attribute(element: ET.Element, key: str, where: str) -> str:
 
 
 def _numbers(text: str, count: int, what: str) -> np.ndarray:
-    """So many numbers, none of them NaN; infinite ones are legal."""
+    """Read so many numbers, none of them NaN; infinite ones are legal."""
     number, finite = (
         (f"{count} numbers", f"{count} finite numbers") if count > 1 else ("a number", "a finite number")
     )
@@ -193,8 +197,106 @@ def _numbers(text: str, count: int, what: str) -> np.ndarray:
 
 
 def _bounded(text: str, what: str) -> np.ndarray:
-    """Three numbers of a size that can be calculated with."""
+    """Read three numbers of a size that can be calculated with."""
     values = _numbers(text, 3, what)
     if np.abs(values).max() > LARGEST_NUMBER:
         raise AssetError(f"{what} must be 3 finite numbers of at most {LARGEST_NUMBER:g}, not {shown(text)}")
     return values
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """Links that are rigid with each other.
+
+    Attributes:
+        name: of the link that the joint moves; `base` for the root.
+        parent: index of the parent body, -1 for the root.
+        joint: what moves it relative to its parent, None for the root and for a wall that it hangs on.
+        pose: (4, 4) of its frame in the parent's at joint value 0.
+        meshes: drawn meshes of all its links, their poses in its frame.
+    """
+
+    name: str
+    parent: int
+    joint: UrdfJoint | None
+    pose: np.ndarray
+    meshes: tuple[UrdfMesh, ...]
+
+
+def build_bodies(model: UrdfModel, apart: str | None = None) -> tuple[Body, ...]:
+    """Return bodies depth first, parents before children, siblings in the file's order.
+
+    Args:
+        model: the file.
+        apart: name of a link that stays a body of its own, without joint, though it is fixed to another.
+    """
+    children: dict[str, list[UrdfJoint]] = {}
+    for joint in model.joints:
+        children.setdefault(joint.parent, []).append(joint)
+    bodies: list[Body] = []
+
+    def append(body: Body, link: str) -> None:
+        """Append a body, which starts with a link, and after it everything that hangs on it."""
+        index = len(bodies)
+        bodies.append(body)
+        meshes: list[UrdfMesh] = []
+        moving: list[tuple[UrdfJoint, np.ndarray]] = []
+        rigid = [(link, np.eye(4))]
+        while rigid:
+            name, pose = rigid.pop(0)
+            meshes += [replace(mesh, pose=pose @ mesh.pose) for mesh in model.links[name]]
+            for joint in children.get(name, []):
+                if joint.kind == "fixed" and joint.child != apart:
+                    rigid.append((joint.child, pose @ joint.pose))
+                else:
+                    moving.append((joint, pose @ joint.pose))
+        bodies[index] = replace(body, meshes=tuple(meshes))
+        for joint, pose in moving:
+            moves = None if joint.kind == "fixed" else joint
+            append(Body(joint.child, index, moves, pose, ()), joint.child)
+
+    append(Body("base", -1, None, np.eye(4), ()), model.root)
+    return tuple(bodies)
+
+
+def drop_empty(bodies: tuple[Body, ...]) -> tuple[tuple[Body, ...], list[str]]:
+    """Return the bodies without those that draw nothing and carry nothing drawn, and a warning for each of these.
+
+    A body without surface between others stays: it is a joint in a chain, as between the sliding and the turning
+    of a seat, and a scene gives it a small mass of its own.
+    """
+    used = [bool(body.meshes) for body in bodies]
+    for index in range(len(bodies) - 1, 0, -1):  # children stand after their parents
+        used[bodies[index].parent] |= used[index]
+    used[0] = True
+    number = np.cumsum(used) - 1
+    kept = tuple(
+        replace(body, parent=int(number[body.parent]) if body.parent >= 0 else -1)
+        for body, stays in zip(bodies, used, strict=True)
+        if stays
+    )
+    dropped = [(b.name, b.joint.name) for b, stays in zip(bodies, used, strict=True) if b.joint and not stays]
+    text = "link {!r} and its joint {!r} are left out: nothing drawn hangs on it"
+    return kept, [text.format(*names) for names in dropped]
+
+
+def body_poses(bodies: tuple[Body, ...], values: list[float]) -> list[np.ndarray]:
+    """Return poses (4, 4) of all bodies in the root's frame at joint values, one per body (the root's: unused)."""
+    poses: list[np.ndarray] = []
+    for body, value in zip(bodies, values, strict=True):
+        parent = poses[body.parent] if body.parent >= 0 else np.eye(4)
+        poses.append(parent @ body.pose @ _motion(body.joint, value))
+    return poses
+
+
+def transform(pose: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Transform points (N, 3) by a (4, 4)."""
+    return points @ pose[:3, :3].T + pose[:3, 3]
+
+
+def _motion(joint: UrdfJoint | None, value: float) -> np.ndarray:
+    if joint is None or value == 0:
+        return np.eye(4)
+    if joint.kind == "prismatic":
+        return pose_matrix(joint.axis * value, np.eye(3))
+    return pose_matrix(np.zeros(3), quat_to_matrix(quat_from_axis_angle(joint.axis, value)))

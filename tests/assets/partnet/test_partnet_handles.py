@@ -9,10 +9,8 @@ from benchmarks.partnet_folders import ToyLink, block, write_object
 from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape
 from artiskill.assets.handles import handle_from_mesh
 from artiskill.assets.partnet import import_partnet
-from artiskill.assets.partnet.clearance import FINGER, HAND, OPEN_M, Obstacle, with_room
-from artiskill.assets.partnet.collisions import hull_shape
-from artiskill.assets.partnet.overlaps import shape_hull
-from artiskill.assets.partnet.trimming import trim_overlaps
+from artiskill.assets.partnet.collisions import hull_shape, shape_hull, trim_overlaps
+from artiskill.assets.partnet.handles import FINGER, HAND, OPEN_M, Obstacle, with_clearance
 from artiskill.checks.config import default_checks_config
 from artiskill.checks.context import CheckContext
 from artiskill.checks.handles import check_handles
@@ -128,7 +126,7 @@ def handle(gap_m: float):
 def test_less_depth_where_the_panel_is_near(gap_m, moved_m):
     """The tips reach 8.5 mm behind a pose that is 5 mm behind the face of a bar 10 mm thick."""
     usual, vertices, obstacles = handle(gap_m)
-    found, said = with_room(usual, vertices, obstacles)
+    found, said = with_clearance(usual, vertices, obstacles)
     away = found.grasp_positions[0] - usual.grasp_positions[0]
     np.testing.assert_allclose(away, (-moved_m, 0, 0), atol=1e-9)
     assert bool(said) == (moved_m > 0)
@@ -137,7 +135,7 @@ def test_less_depth_where_the_panel_is_near(gap_m, moved_m):
 def test_another_place_where_something_stands_in_the_middle():
     usual, vertices, obstacles = handle(0.03)
     stud = convex_hull(box((0.02, 0.004, 0.012)).transformed((-0.045, 0, 0.02)).vertices)
-    found, said = with_room(usual, vertices, [*obstacles, Obstacle(stud, "base")])
+    found, said = with_clearance(usual, vertices, [*obstacles, Obstacle(stud, "base")])
     assert abs(found.grasp_positions[0][1]) == pytest.approx(0.0125) or abs(found.grasp_positions[0][1]) > 0.0125
     assert len(said) == 1
 
@@ -145,7 +143,7 @@ def test_another_place_where_something_stands_in_the_middle():
 def test_a_handle_without_room_says_so():
     usual, vertices, obstacles = handle(0.03)
     wall = convex_hull(box((0.05, 0.3, 0.3)).transformed((-0.07, 0, 0)).vertices)
-    _, (said,) = with_room(usual, vertices, [*obstacles, Obstacle(wall, "base")])
+    _, (said,) = with_clearance(usual, vertices, [*obstacles, Obstacle(wall, "base")])
     assert "no room for the gripper" in said
     assert "'base'" in said
 

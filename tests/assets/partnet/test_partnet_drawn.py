@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from artiskill.assets.partnet.drawn import read_obj
 from artiskill.assets.partnet.mtl import load_material, read_mtl
-from artiskill.assets.partnet.obj import read_obj
 
 QUAD = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 2 0\nvt 2 2\nvt 0 2\n"
 

@@ -6,8 +6,7 @@ from benchmarks.partnet_folders import block, carving, fine_ogee, moulding
 
 from artiskill.assets.articulated_object import Link, Material, VisualMesh
 from artiskill.assets.partnet.meshes import distance_to_surface
-from artiskill.assets.partnet.simplify import cluster
-from artiskill.assets.partnet.thinning import MOST_TRIANGLES, share_out, thin_out
+from artiskill.assets.partnet.simplify import MOST_TRIANGLES, cluster, share_out, thin_out
 from artiskill.geometry.meshes import TriMesh, sample_surface
 from artiskill.geometry.primitives import box, sphere
 from artiskill.sensors.drawing.scene_tables import have_opposite_faces
