@@ -177,7 +177,7 @@ def test_resolve_splits_ids_and_objects() -> None:
 def importer(monkeypatch: pytest.MonkeyPatch) -> list[object]:
     """Stands in for the PartNet importer; the list records what it was asked for."""
     asked: list[object] = []
-    module = types.ModuleType("artiskill.assets.partnet.importer")
+    module = types.ModuleType("artiskill.assets.partnet")
     module.find_partnet_folder = lambda name: Path("/data") / name  # type: ignore[attr-defined]
 
     def import_partnet(path: Path, needs: object) -> object:
@@ -185,7 +185,7 @@ def importer(monkeypatch: pytest.MonkeyPatch) -> list[object]:
         return load_object("cabinet-0001")
 
     module.import_partnet = import_partnet  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "artiskill.assets.partnet.importer", module)
+    monkeypatch.setitem(sys.modules, "artiskill.assets.partnet", module)
     return asked
 
 

@@ -282,7 +282,7 @@ _DIGEST = """
 import hashlib
 import numpy as np
 from artiskill.assets.articulated_object import Material, VisualMesh
-from artiskill.geometry.meshes import box, sphere
+from artiskill.geometry.primitives import box, sphere
 from artiskill.sensors.camera import Camera
 from artiskill.sensors.render_config import load_render_config
 from artiskill.sensors.renderer import CHANNELS, Renderer

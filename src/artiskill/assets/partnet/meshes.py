@@ -7,6 +7,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from artiskill.geometry.meshes import ConvexHull, TriMesh, convex_hull, depth_inside, triangle_areas
+from artiskill.geometry.normals import face_normals
 from artiskill.geometry.surfaces import point_triangle_distance
 
 _CHUNK = 2_000_000  # point-triangle pairs worked on at once: some 200 MB
@@ -65,13 +66,6 @@ def _neighbours(mesh: TriMesh) -> np.ndarray:
     order = np.argsort(edge_of, kind="stable")
     paired = order[uses[edge_of[order]] == 2]
     return owner[paired].reshape(-1, 2)
-
-
-def face_normals(mesh: TriMesh) -> np.ndarray:
-    """Return unit normals of faces, (F, 3); zero where a face has no area."""
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    normals = np.cross(b - a, c - a)
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
 
 
 def connected_labels(edges: np.ndarray, count: int) -> np.ndarray:

@@ -18,9 +18,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from artiskill.assets.articulated_object import Category, Link, VisualMesh
-from artiskill.assets.partnet.meshes import connected_labels, distance_to_surface, face_normals, weld
+from artiskill.assets.partnet.meshes import connected_labels, distance_to_surface, weld
 from artiskill.errors import MissingExtraError
 from artiskill.geometry.meshes import TriMesh, merge, sample_surface
+from artiskill.geometry.normals import face_normals
 from artiskill.geometry.surfaces import make_surface, point_triangle_distance
 
 _PROBES = 400
