@@ -60,16 +60,9 @@ def handle_from_mesh(
     outward = np.asarray(outward, dtype=float) / norm(outward)
     grasp = grasp or _middle_grasp(hull.mesh, outward)
     quaternions = _hand_quaternions(grasp, outward)
-    return Handle(
-        link=link_name,
-        kind=kind,
-        points=sample_surface([mesh], POINTS_PER_HANDLE, rng),
-        planes=hull.planes,
-        grasp_positions=np.repeat(grasp.position[None], len(quaternions), axis=0),
-        grasp_quaternions=quaternions,
-        grasp_width_m=grasp.width_m,
-        hookable=hookable,
-    )
+    positions = np.repeat(grasp.position[None], len(quaternions), axis=0)
+    points = sample_surface([mesh], POINTS_PER_HANDLE, rng)
+    return Handle(link_name, kind, points, hull.planes, positions, quaternions, grasp.width_m, hookable)
 
 
 def grasp_depth(thickness_m: float) -> float:
