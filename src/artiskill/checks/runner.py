@@ -14,8 +14,14 @@ from artiskill.checks.config import ChecksConfig, default_checks_config
 from artiskill.checks.context import CheckContext, CheckResult, at_least, failed
 from artiskill.checks.dynamics import check_ball, check_drive, check_roll, check_settle, check_swivel
 from artiskill.checks.handles import check_handles, check_reach
-from artiskill.checks.model import check_compiles, check_geoms, check_mass, check_triangles
-from artiskill.checks.overlaps import check_closed, check_sweep
+from artiskill.checks.model import (
+    check_closed,
+    check_compiles,
+    check_geoms,
+    check_mass,
+    check_sweep,
+    check_triangles,
+)
 from artiskill.checks.surfaces import check_cavity, check_surfaces
 from artiskill.config import to_mapping
 from artiskill.errors import ArtiSkillError, ConfigError

@@ -14,7 +14,7 @@ from artiskill.assets.partnet.handles import FINGER, HAND, OPEN_M, Obstacle, wit
 from artiskill.checks.config import default_checks_config
 from artiskill.checks.context import CheckContext
 from artiskill.checks.handles import check_handles
-from artiskill.checks.overlaps import check_closed
+from artiskill.checks.model import check_closed
 from artiskill.geometry.meshes import TriMesh, convex_hull, merge
 from artiskill.geometry.primitives import box
 from artiskill.robots.arm_config import load_arm
