@@ -11,9 +11,9 @@ import pytest
 from PIL import Image
 from tests.demos.test_minari import TASK, training_files
 
-from artiskill.demos.export.lerobot import export_lerobot
-from artiskill.demos.export.lerobot_features import action_names, camera_names
-from artiskill.demos.export.lerobot_stats import add_up, numbers_stats, pictures_stats
+from artiskill.demos.export import export_dataset
+from artiskill.demos.lerobot import action_names, camera_names
+from artiskill.demos.lerobot_files import stats_of, total_stats
 from artiskill.demos.training_file import TrainingFile
 from artiskill.envs.control import JOINT, OPERATIONAL
 from artiskill.errors import ConfigError, DemoError, MissingExtraError
@@ -23,7 +23,7 @@ parquet = pytest.importorskip("pyarrow.parquet")
 
 def test_columns_and_episodes(tmp_path: Path) -> None:
     training = training_files(tmp_path / "t", "pointcloud")
-    path = export_lerobot(training, tmp_path / "home")
+    path = export_dataset(training, tmp_path / "home", "lerobot")
     assert path == tmp_path / "home" / f"artiskill/{TASK}-joint-pointcloud"
     info = json.loads((path / "meta/info.json").read_text())
     rows = parquet.read_table(path / info["data_path"].format(chunk_index=0, file_index=0))
@@ -61,7 +61,7 @@ def test_columns_and_episodes(tmp_path: Path) -> None:
 def test_videos(tmp_path: Path) -> None:
     ffmpeg = pytest.importorskip("imageio_ffmpeg")
     training = training_files(tmp_path / "t", "rgbd")
-    path = export_lerobot(training, tmp_path / "home", "mine/drawers")
+    path = export_dataset(training, tmp_path / "home", "lerobot", "mine/drawers")
     info = json.loads((path / "meta/info.json").read_text())
     keys = [key for key, feature in info["features"].items() if feature["dtype"] == "video"]
     cameras = [f"observation.images.{name}" for name in ("front", "left", "right")]
@@ -87,7 +87,7 @@ def test_videos(tmp_path: Path) -> None:
 def test_masks_are_exact(tmp_path: Path) -> None:
     """Each as a PNG in the table, in the form that the library `datasets` has for pictures."""
     training = training_files(tmp_path / "t", "rgbd")
-    path = export_lerobot(training, tmp_path / "home", "mine/drawers")
+    path = export_dataset(training, tmp_path / "home", "lerobot", "mine/drawers")
     info = json.loads((path / "meta/info.json").read_text())
     rows = parquet.read_table(path / info["data_path"].format(chunk_index=0, file_index=0))
     stats = json.loads((path / "meta/stats.json").read_text())
@@ -112,7 +112,7 @@ def test_cameras_are_called_by_where_they_look_to_only_if_they_are_the_usual_thr
 
 def test_the_same_bytes_again(tmp_path: Path) -> None:
     training = training_files(tmp_path / "t", "rgbd", 1)
-    one, other = (export_lerobot(training, tmp_path / home) for home in ("a", "b"))
+    one, other = (export_dataset(training, tmp_path / home, "lerobot") for home in ("a", "b"))
     files = [path.relative_to(one) for path in one.rglob("*") if path.is_file()]
     assert len(files) == 8
     assert all((one / name).read_bytes() == (other / name).read_bytes() for name in files)
@@ -121,15 +121,15 @@ def test_the_same_bytes_again(tmp_path: Path) -> None:
 def test_stats() -> None:
     rng = np.random.default_rng(0)
     first, second = rng.normal(size=(50, 4)), rng.normal(size=(30, 4))
-    total = add_up([{"x": numbers_stats(first)}, {"x": numbers_stats(second)}])["x"]
+    total = total_stats([{"x": stats_of(first)}, {"x": stats_of(second)}])["x"]
     both = np.concatenate((first, second))
     for name, wanted in (("mean", both.mean(0)), ("std", both.std(0)), ("min", both.min(0)), ("max", both.max(0))):
         np.testing.assert_allclose(total[name], wanted)
     assert total["count"] == [80]
-    assert numbers_stats(first[:, 0])["q50"].shape == (1,)
+    assert stats_of(first[:, 0])["q50"].shape == (1,)
     pictures = np.zeros((7, 8, 8, 3), np.uint8)
     pictures[..., 1] = 255
-    assert pictures_stats(pictures)["mean"].tolist() == [[[0.0]], [[1.0]], [[0.0]]]
+    assert stats_of(pictures)["mean"].tolist() == [[[0.0]], [[1.0]], [[0.0]]]
 
 
 def test_names_of_actions() -> None:
@@ -149,14 +149,14 @@ def test_videos_meet_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     with monkeypatch.context() as patched:
         patched.setattr(imageio_ffmpeg, "write_frames", breaking)
         with pytest.raises(DemoError, match=r"cannot write .*ffmpeg could not write 'file-000.mp4'"):
-            export_lerobot(training, tmp_path, "x")
+            export_dataset(training, tmp_path, "lerobot", "x")
         patched.setattr("shutil.disk_usage", lambda path: SimpleNamespace(free=4096))
         with pytest.raises(DemoError, match=r"cannot write .*: No space left on device"):
-            export_lerobot(training, tmp_path, "x")
+            export_dataset(training, tmp_path, "lerobot", "x")
     with monkeypatch.context() as patched:
         patched.setattr(imageio_ffmpeg, "count_frames_and_secs", lambda path: (3, 0.15))
         with pytest.raises(DemoError, match=r"ffmpeg could not write 'file-000.mp4'"):
-            export_lerobot(training, tmp_path, "x")
+            export_dataset(training, tmp_path, "lerobot", "x")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["t"]
 
 
@@ -164,7 +164,7 @@ def test_videos_meet_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 def test_names_stay_at_home(name: str, tmp_path: Path) -> None:
     training = training_files(tmp_path / "t", "state", 1)
     with pytest.raises(ConfigError, match="an id of LeRobot looks like artiskill/doors, not"):
-        export_lerobot(training, tmp_path / "home", name)
+        export_dataset(training, tmp_path / "home", "lerobot", name)
     assert not (tmp_path / "home").exists()
 
 
@@ -173,17 +173,17 @@ def test_damaged_training_files_are_not_exported(tmp_path: Path) -> None:
     path = next(training.folder.glob("*.h5"))
     path.write_bytes(path.read_bytes()[:-1] + b"x")
     with pytest.raises(DemoError, match="was changed or damaged: remove it and replay again"):
-        export_lerobot(training, tmp_path / "home")
+        export_dataset(training, tmp_path / "home", "lerobot")
     assert not list((tmp_path / "home").rglob("*.parquet"))
 
 
 def test_bad_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     training = training_files(tmp_path / "t", "state", 1)
-    export_lerobot(training, tmp_path, "x")
+    export_dataset(training, tmp_path, "lerobot", "x")
     with pytest.raises(DemoError, match="exists: remove it"):
-        export_lerobot(training, tmp_path, "x")
+        export_dataset(training, tmp_path, "lerobot", "x")
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(MissingExtraError, match=r"artiskill\[lerobot\]"):
-        export_lerobot(training, tmp_path, "y")
+        export_dataset(training, tmp_path, "lerobot", "y")
     assert not (tmp_path / "y").exists()
     assert not list(tmp_path.glob(".part-*"))

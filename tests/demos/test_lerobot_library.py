@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from tests.demos.test_minari import training_files
 
-from artiskill.demos.export.lerobot import export_lerobot
+from artiskill.demos.export import export_dataset
 from artiskill.demos.training_file import TrainingFile
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("default")]
@@ -49,7 +49,7 @@ def offline(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 @pytest.mark.parametrize("obs_mode", ["state", "pointcloud", "rgbd"])
 def test_lerobot_reads_it(dataset_class: Any, obs_mode: str, tmp_path: Path) -> None:
     training = training_files(tmp_path / "t", obs_mode)
-    path = export_lerobot(training, tmp_path / "home", "mine/drawers")
+    path = export_dataset(training, tmp_path / "home", "lerobot", "mine/drawers")
     dataset = dataset_class("mine/drawers", root=path, video_backend="pyav")
     assert dataset.num_episodes == 2
     assert dataset.meta.tasks.index.tolist() == ["Open the marked drawer of the cabinet."]

@@ -10,7 +10,7 @@ import pytest
 from artiskill.assets.catalog import load_object
 from artiskill.demos.collect import collect
 from artiskill.demos.demos import load_demo_pack, read_manifest
-from artiskill.demos.export.minari import export_minari
+from artiskill.demos.export import export_dataset
 from artiskill.demos.hdf5 import load_h5py
 from artiskill.demos.replay import replay
 from artiskill.demos.training_file import ReplaySettings, TrainingFile, TrainingFiles, make_sampling
@@ -45,7 +45,7 @@ def test_minari_reads_it(obs_mode: str, tmp_path: Path, monkeypatch: pytest.Monk
     minari = pytest.importorskip("minari")
     training, home = training_files(tmp_path / "t", obs_mode), tmp_path / "home"
     name = f"artiskill/{TASK}/joint-{obs_mode}-v0"
-    assert export_minari(training, home) == home / name
+    assert export_dataset(training, home, "minari") == home / name
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(home))
     assert list(minari.list_local_datasets()) == [name]
     dataset = minari.load_dataset(name)
@@ -87,7 +87,7 @@ def check_equal(one, other) -> None:  # type: ignore[no-untyped-def]
 def test_what_is_written(tmp_path: Path) -> None:
     training = training_files(tmp_path / "t", "state", 1)
     told: list[int] = []
-    path = export_minari(training, tmp_path, "mine/drawers-v3", lambda: told.append(1))
+    path = export_dataset(training, tmp_path, "minari", "mine/drawers-v3", lambda: told.append(1))
     assert told == [1]
     metadata = json.loads((path / "data/metadata.json").read_text())
     assert metadata["dataset_id"] == "mine/drawers-v3"
@@ -106,7 +106,7 @@ def test_imported_objects_are_named_so_that_they_are_found(plan: Any, tmp_path: 
         training_files(tmp_path / "other", "state", 1).settings, source=read_manifest(tmp_path / "demos").settings
     )
     replay(tmp_path / "demos", tmp_path / "t", settings, objects=[imported])
-    path = export_minari(TrainingFiles(tmp_path / "t"), tmp_path, "x-v0")
+    path = export_dataset(TrainingFiles(tmp_path / "t"), tmp_path, "minari", "x-v0")
     metadata = json.loads((path / "data/metadata.json").read_text())
     assert json.loads(metadata["env_spec"])["kwargs"]["objects"] == ["partnet:40147"]
     with load_h5py().File(path / "data/main_data.hdf5", "r") as file:
@@ -117,7 +117,7 @@ def test_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     training = training_files(tmp_path / "t", "state", 1)
     monkeypatch.setattr("shutil.disk_usage", lambda path: SimpleNamespace(free=1_000_000))
     with pytest.raises(DemoError, match="No space left on device: 4 MB may be needed, 1 MB are free"):
-        export_minari(training, tmp_path, "x-v0")
+        export_dataset(training, tmp_path, "minari", "x-v0")
     assert not list(tmp_path.glob("*x-v0*"))
 
 
@@ -127,9 +127,9 @@ def test_what_a_killed_export_left_is_removed(tmp_path: Path) -> None:
     (left / "dataset/data").mkdir(parents=True)
     (left / "dataset/data/main_data.hdf5").write_bytes(b"half")
     with lock_folder(left, "export"), pytest.raises(ConfigError, match=r"another export .* is already writing to"):
-        export_minari(training, tmp_path / "home", "mine/x-v0")
+        export_dataset(training, tmp_path / "home", "minari", "mine/x-v0")
     assert (left / "dataset/data/main_data.hdf5").exists()  # it is somebody else's now
-    path = export_minari(training, tmp_path / "home", "mine/x-v0")
+    path = export_dataset(training, tmp_path / "home", "minari", "mine/x-v0")
     assert [entry.name for entry in path.parent.iterdir()] == ["x-v0"]
     assert sorted(entry.name for entry in (path / "data").iterdir()) == ["main_data.hdf5", "metadata.json"]
 
@@ -137,18 +137,18 @@ def test_what_a_killed_export_left_is_removed(tmp_path: Path) -> None:
 def test_bad_input(tmp_path: Path) -> None:
     training = training_files(tmp_path / "t", "state", 1)
     with pytest.raises(ConfigError, match=r"looks like artiskill/doors-v0, not '../x'"):
-        export_minari(training, tmp_path, "../x")
-    export_minari(training, tmp_path, "x-v0")
+        export_dataset(training, tmp_path, "minari", "../x")
+    export_dataset(training, tmp_path, "minari", "x-v0")
     with pytest.raises(DemoError, match="exists: remove it, or choose another"):
-        export_minari(training, tmp_path, "x-v0")
+        export_dataset(training, tmp_path, "minari", "x-v0")
     with pytest.raises(DemoError, match="cannot write"):
-        export_minari(training, tmp_path / "t/manifest.json", "x-v0")
+        export_dataset(training, tmp_path / "t/manifest.json", "minari", "x-v0")
     with pytest.raises(DemoError, match="holds no training files of artiskill"):
         TrainingFiles(load_demo_pack(TASK).folder)
     path = next(training.folder.glob("*.h5"))
     path.write_bytes(path.read_bytes()[:3000])
     with pytest.raises(DemoError, match="was changed or damaged: remove it and replay again"):
-        export_minari(training, tmp_path, "y-v0")
+        export_dataset(training, tmp_path, "minari", "y-v0")
     assert not list(tmp_path.glob("y-v0*"))
     path.unlink()
     with pytest.raises(DemoError, match="is missing: the manifest lists it"):

@@ -10,7 +10,7 @@ import pytest
 from tests.demos.test_replay import STATE, relist, settings_for
 
 from artiskill.cli.main import main
-from artiskill.demos.export.minari import export_minari
+from artiskill.demos.export import export_dataset
 from artiskill.demos.file_format import ATTEMPT_TYPE
 from artiskill.demos.hdf5 import load_h5py
 from artiskill.demos.replay import choose, replay
@@ -72,7 +72,7 @@ def test_a_divergence_ends_one_trajectory_only(
         assert not file.array(0, "success").any()
         assert len(file.array(0, "dones")) == 12
         assert len(file.array(0, "obs/state")) == 13
-    path = export_minari(TrainingFiles(tmp_path / "t"), tmp_path, "x-v0")
+    path = export_dataset(TrainingFiles(tmp_path / "t"), tmp_path, "minari", "x-v0")
     with load_h5py().File(path / "data/main_data.hdf5", "r") as data:
         assert data["episode_0/truncations"][()].tolist() == [False] * 11 + [True]
         assert not data["episode_1/truncations"][()].any()

@@ -12,8 +12,7 @@ from tests.demos.test_replay import SMALL, STATE, settings_for
 
 from artiskill.cli.main import main
 from artiskill.demos.demos import sha256_of
-from artiskill.demos.export.lerobot import export_lerobot
-from artiskill.demos.export.minari import export_minari
+from artiskill.demos.export import export_dataset
 from artiskill.demos.hdf5 import load_h5py
 from artiskill.demos.replay import replay
 from artiskill.demos.training_file import TrainingFile, TrainingFiles
@@ -75,9 +74,9 @@ def test_exports_refuse_what_does_not_fit(
     manifest = json.loads((training / "manifest.json").read_text())
     manifest["files"][NAME]["sha256"] = sha256_of(training / NAME)
     (training / "manifest.json").write_text(json.dumps(manifest))
-    for export in (export_minari, export_lerobot):
+    for name in ("minari", "lerobot"):
         with pytest.raises(DemoError, match=rf"{NAME}' is damaged: cannot read trajectory 1 \(.*{message}"):
-            export(TrainingFiles(training), tmp_path / "home", "x-v0")
+            export_dataset(TrainingFiles(training), tmp_path / "home", name, "x-v0")
     assert not list((tmp_path / "home").iterdir())
 
 

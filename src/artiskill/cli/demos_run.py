@@ -222,14 +222,12 @@ def run_export(arguments: argparse.Namespace) -> None:
     """Export training files."""
     from artiskill.cli.demos_table import note_unfinished
     from artiskill.cli.progress import Progress
-    from artiskill.demos.export.lerobot import export_lerobot
-    from artiskill.demos.export.minari import export_minari
+    from artiskill.demos.export import export_dataset
     from artiskill.demos.training_file import TrainingFiles
 
     training = TrainingFiles(arguments.path)
-    export = {"minari": export_minari, "lerobot": export_lerobot}[arguments.format]
     with Progress(f"writing {arguments.format}", max(len(training), 1), "trajectories") as progress:
-        path = export(training, arguments.out, arguments.name, progress.advance)
+        path = export_dataset(training, arguments.out, arguments.format, arguments.name, progress.advance)
     print(f"{len(training)} trajectories: {path}")
     note_unfinished(arguments.path, "replayed")
 

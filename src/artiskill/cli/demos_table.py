@@ -1,15 +1,12 @@
 """What came of collecting, verifying and counting demonstrations, as tables for a terminal."""
 
-import shutil
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
+from artiskill.cli.table import make_console, make_table
 
+if TYPE_CHECKING:
     from artiskill.demos.demos import FileEntry, Manifest
     from artiskill.demos.file_format import TargetCount
     from artiskill.demos.plan import CollectionPlan
@@ -19,7 +16,6 @@ if TYPE_CHECKING:
     from artiskill.demos.verify import VerifyResult
 
 COLLECTED = "collected"
-_PIPED_WIDTH = 120  # a file or pipe has no width of its own
 _MOST_FAULTS = 5  # of a file
 
 
@@ -31,7 +27,7 @@ def print_collection(plan: "CollectionPlan", manifest: "Manifest", folder: Path)
     """
     from artiskill.demos.demos import file_name
 
-    console, table = _console(), _table("object", "targets", "solved", "attempts", "rate", "kB each")
+    console, table = make_console(), make_table(["object"], ["targets", "solved", "attempts", "rate", "kB each"])
     entries = [manifest.files[file_name(one.id)] for one in plan.objects]
     for entry in entries:
         table.add_row(entry.object, str(len(entry.targets)), *_counts([entry]))
@@ -50,7 +46,7 @@ def print_verify_results(results: Sequence["VerifyResult"]) -> None:
     """Print a row per file, and what is wrong."""
     from rich.markup import escape
 
-    console, table = _console(), _table("file", "trajectories", "steps", "bit-exact", "faults")
+    console, table = make_console(), make_table(["file"], ["trajectories", "steps", "bit-exact", "faults"])
     for result in results:
         path = Path(result.path)
         share = f"{result.exact}/{result.trajectories}"
@@ -75,10 +71,12 @@ def print_verify_results(results: Sequence["VerifyResult"]) -> None:
 def print_stats(stats: "Stats") -> None:
     """Print a row per object."""
     settings = stats.settings
-    table = _table("object", "stored", "attempts", "solved", "steps", "from .. to", "kB each", "base", "object")
+    table = make_table(
+        ["object"], ["stored", "attempts", "solved", "steps", "from .. to", "kB each", "base", "object"]
+    )
     for one in stats.objects:
         table.add_row(one.object, *_stats_cells(one))
-    console = _console()
+    console = make_console()
     console.print(table)
     trajectories, objects = _number(stats.trajectories, "trajectory", "trajectories"), len(stats.objects)
     console.print(
@@ -91,13 +89,13 @@ def print_stats(stats: "Stats") -> None:
 
 def print_replay(manifest: "TrainingManifest", folder: Path, frames: int, seconds: float) -> None:
     """Print a row per training file, and how fast they were made."""
-    table = _table("object", "replayed", "solved", "bit-exact", "clipped", "kept", "frames", "MB")
+    table = make_table(["object"], ["replayed", "solved", "bit-exact", "clipped", "kept", "frames", "MB"])
     entries, restored = list(manifest.files.values()), manifest.settings.way == "restore"
     for entry in entries:
         table.add_row(entry.object, *_replay_cells([entry], restored))
     table.add_section()
     table.add_row("all", *_replay_cells(entries, restored), style="bold")
-    console = _console()
+    console = make_console()
     console.print(table)
     if frames:
         console.print(f"{frames} frames in {seconds:.1f} s, {frames / seconds:.0f} per second")
@@ -187,21 +185,3 @@ def _counts(entries: Sequence["FileEntry"]) -> list[str]:
     size = sum(entry.bytes for entry in entries) / stored / 1000 if stored else 0.0
     rate = f"{successes / attempts:.0%}" if attempts else "-"
     return [f"{successes}/{wanted}", str(attempts), rate, f"{size:.1f}" if stored else "-"]
-
-
-def _table(first: str, *others: str) -> "Table":
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column(first, no_wrap=True)
-    for name in others:
-        table.add_column(name, justify="right")
-    return table
-
-
-def _console() -> "Console":
-    from rich.console import Console
-
-    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else _PIPED_WIDTH
-    return Console(width=width, highlight=False)

@@ -1,1 +1,0 @@
-"""Training files in the formats of other libraries."""
