@@ -23,8 +23,7 @@ setup-dev: ## install everything for working on ArtiSkill
 
 demo: ## open drawers of unseen cabinets; report and moving picture in results/demo
 	$(bootstrap)
-	$(VENV)/bin/artiskill evaluate --task OpenCabinetDrawer --policy expert --objects test --episodes 2 \
-		--video results/demo/episode.gif --out results/demo
+	$(VENV)/bin/artiskill demo
 
 test: ## run the tests that take seconds
 	$(bootstrap) test

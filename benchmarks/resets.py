@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import artiskill
-from artiskill.bench.machine import machine_facts, resident_mb
+from artiskill.bench.report import machine_facts, resident_mb
 from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.jobs.parallel import run_jobs
 from artiskill.tasks.registry import task_names

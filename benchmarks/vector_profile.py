@@ -13,7 +13,7 @@ import numpy as np
 
 import artiskill
 from artiskill.bench.cases import make_cases
-from artiskill.bench.subjects import make_subject
+from artiskill.bench.measure import make_bench_env
 from artiskill.tasks.registry import task_names
 
 # what a part is -> the functions whose whole time it is: end of the file's name, function
@@ -29,7 +29,7 @@ WARM_UP = 5
 def profiled(task: str, options: argparse.Namespace) -> pstats.Stats:
     """The profile of an episode's steps."""
     (case,) = make_cases([task], [options.obs], [options.num_envs], [1], ["train"], options.points)
-    subject = make_subject(case)
+    subject = make_bench_env(case)
     subject.start(np.arange(case.num_envs))
     rng = np.random.default_rng(0)
     shape = (WARM_UP + options.steps, case.num_envs, subject.action_size)

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from artiskill.checks.context import CheckResult, at_least, at_most, failed, fine
 from artiskill.checks.runner import ObjectReport
-from artiskill.cli.check_table import print_to
+from artiskill.cli.assets_check import print_to
 from artiskill.cli.main import main
 
 

@@ -7,7 +7,7 @@ import pytest
 from artiskill.bench.cases import Case
 from artiskill.bench.measure import Measurement
 from artiskill.bench.report import BenchReport
-from artiskill.cli.bench_table import print_bench
+from artiskill.cli.bench import print_bench
 from artiskill.cli.main import main
 
 Capture = pytest.CaptureFixture[str]

@@ -3,7 +3,7 @@ import sys
 
 import pytest
 
-from artiskill.cli.progress import Progress
+from artiskill.cli.progress import ProgressBar
 
 
 class Terminal(io.StringIO):
@@ -12,7 +12,7 @@ class Terminal(io.StringIO):
 
 
 def test_plain_lines_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
-    with Progress("title", 25, "episodes") as progress:
+    with ProgressBar("title", 25, "episodes") as progress:
         for k in range(25):
             progress.advance(k % 5 == 0)
     shown = capsys.readouterr()
@@ -28,7 +28,7 @@ def test_a_bar_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "120")
-    with Progress("title", 2, "episodes") as progress:
+    with ProgressBar("title", 2, "episodes") as progress:
         progress.advance(True)
         progress.advance(False)
     assert "2/2" in terminal.getvalue()
@@ -36,7 +36,7 @@ def test_a_bar_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_attempts_advance_only_if_solved(capsys: pytest.CaptureFixture[str]) -> None:
-    with Progress("title", 4, "trajectories") as progress:
+    with ProgressBar("title", 4, "trajectories") as progress:
         progress.skip(2)
         for success in (False, True, False, True):
             progress.attempt(success)
@@ -50,7 +50,7 @@ def test_what_was_there_before_is_shown_on_a_terminal(monkeypatch: pytest.Monkey
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "120")
-    with Progress("title", 9, "trajectories") as progress:
+    with ProgressBar("title", 9, "trajectories") as progress:
         progress.skip(7)
         progress.attempt(False)
         progress.attempt(True)
@@ -63,7 +63,7 @@ def test_a_line_now_and_then_although_nothing_is_solved(
 ) -> None:
     now = 0.0
     monkeypatch.setattr("time.perf_counter", lambda: now)
-    with Progress("title", 300, "trajectories") as progress:
+    with ProgressBar("title", 300, "trajectories") as progress:
         for _ in range(25):
             now += 10.0
             progress.attempt(False)
@@ -72,12 +72,12 @@ def test_a_line_now_and_then_although_nothing_is_solved(
 
 
 def test_lines_between(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    with Progress("title", 9, "levels") as progress:
-        progress.say("level 0 [solved]")
+    with ProgressBar("title", 9, "levels") as progress:
+        progress.print("level 0 [solved]")
     assert capsys.readouterr() == ("", "level 0 [solved]\n")
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setenv("TERM", "xterm")
-    with Progress("title", 9, "levels") as progress:
-        progress.say("level 0 [solved]")
+    with ProgressBar("title", 9, "levels") as progress:
+        progress.print("level 0 [solved]")
     assert "level 0 [solved]" in terminal.getvalue()

@@ -1,54 +1,65 @@
 """`artiskill bench`: how fast environments step on this machine."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from artiskill.cli.parser import add_command
+from artiskill.cli.table import make_console, make_table
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from artiskill.bench.measure import Measurement
+    from artiskill.bench.report import BenchReport
+
+_BUSY = 0.5  # other processes per core, from which on figures deserve a warning
 
 _EPILOG = """examples:
   artiskill bench
   artiskill bench --task OpenCabinetDrawer --num-envs 1 16 64 256 1024 --threads 1 2 --out results/bench
   artiskill bench --task PushChair --obs pointcloud --points 1200 --num-envs 16
 
-Every figure stands beside that of the bare engine, on the same models, with the same drive targets, timed in turn.
-docs/performance.md says what bounds them."""
+Columns: steps/s counts the steps of all environments; engine/s is the bare physics engine on the same models, with
+the same drive targets, timed in turn; share is the ratio of the two; + resets includes one reset per episode.
+See docs/performance.md."""
 
 
-def add_command(commands: Any) -> None:
-    """Describe the command."""
-    parser = commands.add_parser(
-        "bench",
-        help="measure how fast environments step here",
-        description="Measure how fast environments step on this machine.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def add_commands(commands: Any) -> None:
+    """Add the command."""
+    parser = add_command(commands, "bench", _bench, "measure how fast environments step on this machine", _EPILOG)
     parser.add_argument("--task", nargs="+", default=["all"], help="names of tasks (default: all)")
     parser.add_argument(
-        "--obs", nargs="+", default=["state"], help="state, pointcloud and rgbd, one or more (default: state)"
+        "--obs", nargs="+", default=["state"], help="one or more of state, pointcloud and rgbd (default: state)"
     )
     parser.add_argument(
-        "--num-envs", nargs="+", type=int, default=[1, 16, 64], metavar="N", help="(default: 1 16 64)"
+        "--num-envs",
+        nargs="+",
+        type=int,
+        default=[1, 16, 64],
+        metavar="N",
+        help="numbers of environments (default: 1 16 64)",
     )
-    parser.add_argument("--threads", nargs="+", type=int, metavar="N", help="(default: one per core)")
     parser.add_argument(
-        "--objects", nargs="+", default=["train"], help="splits, ids, PartNet folders (default: train)"
+        "--threads", nargs="+", type=int, metavar="N", help="numbers of threads (default: one per core)"
     )
-    parser.add_argument("--points", type=int, metavar="N", help="down-sample point clouds to so many points")
-    parser.add_argument("--seconds", type=float, default=4.0, help="of timed steps per figure (default: 4)")
+    parser.add_argument(
+        "--objects", nargs="+", default=["train"], help="splits, ids or PartNet folders (default: train)"
+    )
+    parser.add_argument("--points", type=int, metavar="N", help="down-sample point clouds to N points")
+    parser.add_argument("--seconds", type=float, default=4.0, help="time to measure each row (default: 4)")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="write bench.json and bench.png here")
-    parser.add_argument("--no-plot", action="store_true", help="write no bench.png, which needs the extra 'bench'")
-    parser.set_defaults(run=run)
+    parser.add_argument(
+        "--no-plot", action="store_true", help="do not write bench.png, which needs the extra 'bench'"
+    )
 
 
-def run(arguments: argparse.Namespace) -> None:
-    """Check everything, measure, show, write."""
+def _bench(arguments: argparse.Namespace) -> None:
     from artiskill.bench.cases import make_cases
-    from artiskill.bench.machine import machine_facts
-    from artiskill.bench.plot import figure_class
-    from artiskill.bench.report import BenchReport, write_bench
-    from artiskill.bench.run import measure_alone
-    from artiskill.cli.bench_table import print_bench
-    from artiskill.cli.progress import Progress
+    from artiskill.bench.measure import measure_alone
+    from artiskill.bench.report import BenchReport, figure_class, machine_facts, write_bench
+    from artiskill.cli.progress import ProgressBar
     from artiskill.files import check_output_folder
 
     cases = make_cases(
@@ -62,11 +73,11 @@ def run(arguments: argparse.Namespace) -> None:
     )
     plot = arguments.out is not None and not arguments.no_plot
     if plot:
-        figure_class()  # minutes later would be late to say that it is missing
+        figure_class()  # fails now, not after minutes of measuring, where matplotlib is missing
     if arguments.out is not None:
-        check_output_folder(arguments.out)  # before minutes of measuring
+        check_output_folder(arguments.out)
     machine, measurements = machine_facts(), []
-    with Progress("bench", len(cases), "figures") as progress:
+    with ProgressBar("bench", len(cases), "rows") as progress:
         for case in cases:
             measurements.append(measure_alone(case))
             progress.advance()
@@ -75,3 +86,49 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.out is not None:
         for path in write_bench(report, arguments.out, plot):
             print(f"written: {path}")
+
+
+def print_bench(report: "BenchReport") -> None:
+    """Print the table and the machine to standard output."""
+    console = make_console()
+    console.print(bench_table(report.measurements))
+    machine = report.machine
+    console.print(
+        f"{machine['processor'] or 'unknown processor'}, {machine['cores']} cores, "
+        f"artiskill {machine['versions']['artiskill']}, mujoco {machine['versions']['mujoco-core']}",
+        soft_wrap=True,
+    )
+    if machine["load"] is not None and machine["load"] > _BUSY * machine["cores"]:
+        console.print(
+            f"[bold yellow]the machine was busy (load {machine['load']:.1f}): with several threads, rates are "
+            "too low and shares too high[/]",
+            soft_wrap=True,
+        )
+
+
+def bench_table(measurements: "Sequence[Measurement]") -> "Table":
+    """One row per case, a section per task."""
+    table = make_table(("task", "mode"), ())
+    for name in ("envs", "threads", "steps/s", "engine/s", "share", "+ resets", "reset ms", "MB"):
+        table.add_column(name, justify="right", no_wrap=True)
+    task = ""
+    for one in measurements:
+        if task and one.case.task != task:
+            table.add_section()
+        table.add_row(one.case.task if one.case.task != task else "", *_cells(one))
+        task = one.case.task
+    return table
+
+
+def _cells(one: "Measurement") -> list[str]:
+    return [
+        one.case.mode,
+        f"{one.case.num_envs:,}",
+        str(one.case.num_threads),
+        f"{one.steps_per_s:,.0f}",
+        f"{one.engine_steps_per_s:,.0f}",
+        f"{one.ratio:.2f}",
+        f"{one.steps_with_resets_per_s:,.0f}",
+        f"{one.reset_ms:.2f}",
+        "-" if one.memory_mb is None else f"{one.memory_mb:,.0f}",
+    ]

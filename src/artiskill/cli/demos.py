@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from artiskill.cli import demos_run
+from artiskill.cli.parser import add_group
 
 _COLLECT_EPILOG = """examples:
   artiskill demos collect --task PushChair --out demos/chairs
@@ -43,14 +44,9 @@ _PICTURES_EPILOG = """examples:
 _FOLDERS = "a folder of demonstrations, or one with such folders"
 
 
-def add_command(commands: Any) -> None:
+def add_commands(commands: Any) -> None:
     """Describe the command and its sub-commands."""
-    parser = commands.add_parser(
-        "demos",
-        help="collect, verify, count, replay, export and draw demonstrations",
-        description="Collect, verify, count, replay, export and draw demonstrations.",
-    )
-    subcommands = parser.add_subparsers(metavar="SUBCOMMAND", required=True)
+    subcommands = add_group(commands, "demos", "collect, verify, count, replay, export and draw demonstrations")
     for add in (_add_collect, _add_verify, _add_stats, _add_replay, _add_export, _add_pictures):
         add(subcommands)
     for child in subcommands.choices.values():

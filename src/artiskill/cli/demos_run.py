@@ -45,13 +45,13 @@ def run_collect(arguments: argparse.Namespace) -> int:
 def _collect(
     plan: "CollectionPlan", folder: Path, workers: int | None, cluster: "RayCluster | None"
 ) -> "Manifest":
-    from artiskill.cli.progress import Progress
+    from artiskill.cli.progress import ProgressBar
     from artiskill.demos.collect import Collection, collect
     from artiskill.demos.demonstrator import DemoAttempt
     from artiskill.demos.demos import KEPT
 
     total = sum(plan.wanted(one) for one in plan.objects)
-    with Progress(f"{plan.settings.task}, {plan.settings.control_mode}", total, "trajectories") as progress:
+    with ProgressBar(f"{plan.settings.task}, {plan.settings.control_mode}", total, "trajectories") as progress:
 
         def on_start(collection: Collection) -> None:
             progress.skip(total - collection.missing)
@@ -75,7 +75,7 @@ def run_verify(arguments: argparse.Namespace) -> int:
     """Simulate demonstrations again and compare; 1 if anything differs."""
     from artiskill.assets.catalog import load_object
     from artiskill.cli.demos_table import note_unfinished, note_versions, print_verify_results
-    from artiskill.cli.progress import Progress
+    from artiskill.cli.progress import ProgressBar
     from artiskill.demos.demos import find_folders, read_manifest
     from artiskill.demos.verify import verify
 
@@ -83,7 +83,7 @@ def run_verify(arguments: argparse.Namespace) -> int:
     objects = [load_object(name) for name in arguments.objects]
     total = sum(entry.trajectories for folder in folders for entry in read_manifest(folder).files.values())
     results = []
-    with Progress("verifying", max(total, 1), "trajectories") as progress:
+    with ProgressBar("verifying", max(total, 1), "trajectories") as progress:
         for folder in folders:
             results += verify(folder, _workers(arguments.workers), lambda exact: progress.advance(), objects)
     print_verify_results(results)
@@ -96,13 +96,13 @@ def run_verify(arguments: argparse.Namespace) -> int:
 def run_stats(arguments: argparse.Namespace) -> None:
     """Count demonstrations."""
     from artiskill.cli.demos_table import note_unfinished, print_stats
-    from artiskill.cli.progress import Progress
+    from artiskill.cli.progress import ProgressBar
     from artiskill.demos.demos import find_folders, read_manifest
     from artiskill.demos.stats import folder_stats
 
     folders = find_folders(arguments.path)
     total = sum(len(read_manifest(folder).files) for folder in folders)
-    with Progress("reading", max(total, 1), "files") as progress:
+    with ProgressBar("reading", max(total, 1), "files") as progress:
         found = [folder_stats(folder, progress.advance) for folder in folders]
     for folder, stats in zip(folders, found, strict=True):
         print_stats(stats)
@@ -127,7 +127,7 @@ def run_replay(arguments: argparse.Namespace) -> int:
     """Make training files."""
     from artiskill.cli.demos_table import note_unfinished, note_versions, print_replay
     from artiskill.cli.parser import overrides_of
-    from artiskill.cli.progress import Progress
+    from artiskill.cli.progress import ProgressBar
     from artiskill.demos.demos import Demos
     from artiskill.demos.replay import ReplayRun, replay, select
     from artiskill.demos.replay_jobs import ReplayedTrajectory
@@ -139,7 +139,7 @@ def run_replay(arguments: argparse.Namespace) -> int:
     title = f"{settings.source.task}, {settings.obs_mode}, {settings.control_mode}"
     total = sum(_wanted(entry, settings) for _, entry, _ in select(demos, objects))
     frames, start = 0, time.perf_counter()
-    with Progress(title, max(total, 1), "trajectories") as progress:
+    with ProgressBar(title, max(total, 1), "trajectories") as progress:
 
         def on_start(run: ReplayRun) -> None:
             progress.skip(total - run.missing)
@@ -148,7 +148,7 @@ def run_replay(arguments: argparse.Namespace) -> int:
             nonlocal frames
             frames += replayed.frames
             if replayed.fault:
-                progress.say(replayed.fault)
+                progress.print(replayed.fault)
             progress.advance(replayed.success)
 
         workers = _workers(arguments.workers)
@@ -221,12 +221,12 @@ def _find_object(name: str, demos: "Demos") -> "str | ArticulatedObject":
 def run_export(arguments: argparse.Namespace) -> None:
     """Export training files."""
     from artiskill.cli.demos_table import note_unfinished
-    from artiskill.cli.progress import Progress
+    from artiskill.cli.progress import ProgressBar
     from artiskill.demos.export import export_dataset
     from artiskill.demos.training_file import TrainingFiles
 
     training = TrainingFiles(arguments.path)
-    with Progress(f"writing {arguments.format}", max(len(training), 1), "trajectories") as progress:
+    with ProgressBar(f"writing {arguments.format}", max(len(training), 1), "trajectories") as progress:
         path = export_dataset(training, arguments.out, arguments.format, arguments.name, progress.advance)
     print(f"{len(training)} trajectories: {path}")
     note_unfinished(arguments.path, "replayed")

@@ -1,6 +1,7 @@
-"""`artiskill evaluate`: a policy's success on many objects, shown, written down and filmed."""
+"""`artiskill evaluate` and `artiskill demo`: a policy's success on many objects: table, report and video."""
 
 import argparse
+import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
@@ -9,7 +10,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:  # at run time these take half a second, which `artiskill --help` does not have
+from artiskill.cli.parser import Parser, add_command, add_set, add_workers, overrides_of, workers_of
+
+if TYPE_CHECKING:  # imports that `artiskill --help` must not wait for
     from artiskill.evaluation.plan import EvaluationPlan
     from artiskill.evaluation.report import Report
 
@@ -18,50 +21,92 @@ _EPILOG = """examples:
   artiskill evaluate --policy my/solution.py --objects cabinet-0005 cabinet-0010 --episodes 50 --video look.gif
   artiskill evaluate --policy random --objects train --set episode_steps=100
 
-docs/evaluation.md says how a solution file is written and how the numbers are made."""
+docs/evaluation.md describes solution files and reports."""
 
 
-def add_command(commands: Any) -> None:
-    """Describe the command."""
-    parser = commands.add_parser(
-        "evaluate",
-        help="measure a policy on many objects",
-        description="Measure a policy on many objects.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+_DEMO_EPILOG = """The demo is this command, with 2 episodes on each test object:
+  artiskill evaluate --task OpenCabinetDrawer --policy expert --objects test --episodes 2 \\
+      --out results/demo --video results/demo/episode.gif"""
+
+
+def add_commands(commands: Any) -> None:
+    """Add the commands."""
+    summary = "watch the expert solve a task on unseen test objects; report and GIF"
+    parser = add_command(commands, "demo", _demo, summary, _DEMO_EPILOG)
+    _add_task(parser)
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("results/demo"),
+        metavar="FOLDER",
+        help="folder to write (default: %(default)s)",
     )
-    parser.add_argument("--task", default="OpenCabinetDrawer", help="name of the task (default: %(default)s)")
+    add_workers(parser)
+    _add_evaluate(commands)
+
+
+def _add_evaluate(commands: Any) -> None:
+    parser = add_command(commands, "evaluate", _evaluate, "measure a policy on many objects", _EPILOG)
+    _add_task(parser)
     parser.add_argument(
         "--policy",
         default="expert",
         help="expert, demonstrator, random, still or path/to/solution.py (default: expert)",
     )
     parser.add_argument(
-        "--objects", nargs="+", default=["test"], help="splits, ids, PartNet folders (default: test)"
+        "--objects", nargs="+", default=["test"], help="splits, ids or PartNet folders (default: test)"
     )
     parser.add_argument(
-        "--target", help="a target link, or 'all' for one row each (default: each level draws one)"
+        "--target", help="target link, or 'all' to evaluate each one separately (default: drawn by each level)"
     )
-    parser.add_argument("--episodes", type=int, default=10, help="per object (default: %(default)s)")
-    parser.add_argument("--first-level", "--seed", type=int, default=0, help="of each object (default: 0)")
-    parser.add_argument("--obs-mode", help="what the policy sees (default: what it asks for, else state)")
-    parser.add_argument("--control-mode", help="what its actions are (default: what it says, else joint)")
-    parser.add_argument("--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="task settings")
-    parser.add_argument("--workers", type=int, help="processes (default: one per core)")
+    parser.add_argument("--episodes", type=int, default=10, help="episodes per object (default: %(default)s)")
+    parser.add_argument(
+        "--first-level",
+        "--seed",
+        type=int,
+        default=0,
+        help="level (seed) of each object's first episode (default: 0)",
+    )
+    parser.add_argument("--obs-mode", help="observation mode (default: the policy's, else state)")
+    parser.add_argument("--control-mode", help="control mode (default: the policy's, else joint)")
+    add_set(parser, "change values of the task's configuration")
+    add_workers(parser)
     parser.add_argument(
         "--step-timeout", type=float, metavar="SECONDS", help="time limit for each action (default: none)"
     )
     parser.add_argument(
-        "--load-timeout", type=float, default=120.0, metavar="SECONDS", help="to load a solution (default: 120)"
+        "--load-timeout",
+        type=float,
+        default=120.0,
+        metavar="SECONDS",
+        help="time limit for loading a solution file (default: 120)",
     )
-    parser.add_argument("--out", type=Path, metavar="FOLDER", help="write report.json, .csv, .md and more here")
-    parser.add_argument("--video", type=Path, metavar="FILE", help="film episodes: .gif, .webp or .mp4")
-    parser.add_argument("--video-episodes", type=int, default=3, help="how many objects to film (default: 3)")
-    parser.set_defaults(run=run)
+    parser.add_argument(
+        "--out", type=Path, metavar="FOLDER", help="write report.json, report.md and CSV files here"
+    )
+    parser.add_argument("--video", type=Path, metavar="FILE", help="record episodes as .gif, .webp or .mp4")
+    parser.add_argument(
+        "--video-episodes", type=int, default=3, help="number of objects to record, an episode each (default: 3)"
+    )
 
 
-def run(arguments: argparse.Namespace) -> None:
-    """Check everything, evaluate, write, film, and show the table."""
+def _add_task(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--task", default="OpenCabinetDrawer", help="name of the task (default: %(default)s)")
+
+
+def _demo(arguments: argparse.Namespace) -> None:
+    out = str(arguments.out)
+    command = ["evaluate", "--task", arguments.task, "--policy", "expert", "--objects", "test", "--episodes", "2"]
+    command += ["--out", out, "--video", f"{out}/episode.gif"]
+    if arguments.workers is not None:
+        command += ["--workers", str(arguments.workers)]
+    print(f"artiskill {shlex.join(command)}", flush=True)
+    parser = Parser(prog="artiskill")
+    add_commands(parser.add_subparsers())
+    _evaluate(parser.parse_strictly(command))
+
+
+def _evaluate(arguments: argparse.Namespace) -> None:
     from artiskill.jobs.fork_server import fork_server
 
     if arguments.workers != 1 or arguments.policy.endswith(".py"):  # it imports while this process does
@@ -71,41 +116,41 @@ def run(arguments: argparse.Namespace) -> None:
     from artiskill.evaluation.recording import check_video
     from artiskill.evaluation.report import check_report_folder, write_report
     from artiskill.files import lock_folder
-    from artiskill.jobs.parallel import available_cores
 
     if arguments.video is not None:
         check_video(arguments.video, arguments.video_episodes)
     if arguments.out is not None:
         check_report_folder(arguments.out)
         if arguments.video is not None and arguments.video.resolve() == arguments.out.resolve():
-            raise ConfigError(f"--out and --video both name {str(arguments.out)!r}: one is a folder, one a file")
-    with _earlier_report_told(arguments.out):
+            raise ConfigError(
+                f"--out and --video are both {str(arguments.out)!r}, but one is a folder and one a file"
+            )
+    with _note_earlier_report(arguments.out):
         plan = _plan(arguments)
-        workers = available_cores() if arguments.workers is None else arguments.workers
+        workers = workers_of(arguments)
         check_workers(plan, workers, arguments.step_timeout)
     with nullcontext() if arguments.out is None else lock_folder(arguments.out):
-        with _earlier_report_told(arguments.out):
-            report = _evaluate(arguments, plan, workers)
+        with _note_earlier_report(arguments.out):
+            report = _run(arguments, plan, workers)
             if arguments.out is not None:
                 write_report(report, arguments.out, is_locked=True)
                 print(f"report: {arguments.out}/report.md")
         if arguments.video is not None:
-            _film(arguments, plan, workers)
+            _record(arguments, plan, workers)
 
 
 @contextmanager
-def _earlier_report_told(folder: Path | None) -> Iterator[None]:
-    """Where an evaluation fails, say whether the report in its folder is another one's."""
+def _note_earlier_report(folder: Path | None) -> Iterator[None]:
+    """Where an evaluation fails, say that the report in its folder is an earlier one's."""
     try:
         yield
     except BaseException:  # Ctrl-C, too
         if folder is not None and (folder / "report.json").is_file():
-            print(f"note: {folder}/report.json is of an earlier evaluation", file=sys.stderr)
+            print(f"note: {folder}/report.json is from an earlier evaluation", file=sys.stderr)
         raise
 
 
 def _plan(arguments: argparse.Namespace) -> "EvaluationPlan":
-    from artiskill.cli.parser import overrides_of
     from artiskill.evaluation.plan import plan_evaluation
 
     return plan_evaluation(
@@ -122,12 +167,12 @@ def _plan(arguments: argparse.Namespace) -> "EvaluationPlan":
     )
 
 
-def _evaluate(arguments: argparse.Namespace, plan: "EvaluationPlan", workers: int) -> "Report":
-    from artiskill.cli.progress import Progress
+def _run(arguments: argparse.Namespace, plan: "EvaluationPlan", workers: int) -> "Report":
+    from artiskill.cli.progress import ProgressBar
     from artiskill.cli.table import print_report
     from artiskill.evaluation.evaluate import run_evaluation
 
-    with Progress(f"{plan.task.name}, {plan.policy_name}", plan.num_episodes, "episodes") as progress:
+    with ProgressBar(f"{plan.task.name}, {plan.policy_name}", plan.num_episodes, "episodes") as progress:
         report = run_evaluation(
             plan, workers, lambda result: progress.advance(result.success), arguments.step_timeout
         )
@@ -135,12 +180,12 @@ def _evaluate(arguments: argparse.Namespace, plan: "EvaluationPlan", workers: in
     return report
 
 
-def _film(arguments: argparse.Namespace, plan: "EvaluationPlan", workers: int) -> None:
-    from artiskill.cli.progress import Progress
+def _record(arguments: argparse.Namespace, plan: "EvaluationPlan", workers: int) -> None:
+    from artiskill.cli.progress import ProgressBar
     from artiskill.evaluation.recording import record_video
 
     count = min(arguments.video_episodes, len(plan.batches))
-    with Progress("filming", count, "episodes") as progress:
+    with ProgressBar("recording", count, "episodes") as progress:
         record_video(
             plan,
             arguments.video,

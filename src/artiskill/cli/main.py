@@ -6,11 +6,10 @@ import sys
 from collections.abc import Sequence
 
 from artiskill import __version__
-from artiskill.cli import assets, bench, config, demos, evaluate, objects, render, tasks, version, warm
-from artiskill.cli.parser import Parser
+from artiskill.cli import assets, bench, demos, evaluate, info, render
+from artiskill.cli.parser import Parser, add_debug
 from artiskill.errors import ArtiSkillError
 
-COMMANDS = (evaluate, demos, render, objects, assets, bench, tasks, warm, config, version)
 EXIT_OK, EXIT_ERROR, EXIT_INTERRUPTED, EXIT_BROKEN_PIPE = 0, 2, 130, 141
 
 
@@ -48,19 +47,18 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _printable(text: str) -> str:
-    """Return a text with control characters escaped: what a stranger's code raised must not drive the terminal."""
+    """Return a text with control characters escaped: text from a user's code must not drive the terminal."""
     return re.sub(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", lambda found: repr(found[0])[1:-1], text)
 
 
 def make_parser() -> Parser:
-    """The parser of all commands."""
-    parser = Parser(prog="artiskill", description="Does a manipulation policy generalise to objects never seen?")
+    """Return the parser of all commands."""
+    parser = Parser(
+        prog="artiskill", description="Measure how well manipulation policies generalise to unseen objects."
+    )
     parser.add_argument("--version", action="version", version=f"artiskill {__version__}")
-    parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
+    add_debug(parser)
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
-    for command in COMMANDS:
-        command.add_command(commands)
-    for child in commands.choices.values():
-        child.set_defaults(parser=child)
-        child.add_argument("--debug", action="store_true", help="show the traceback of an error")
+    for module in (evaluate, demos, render, assets, bench, info):
+        module.add_commands(commands)
     return parser

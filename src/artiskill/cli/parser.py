@@ -1,7 +1,7 @@
-"""An argument parser whose errors are one line and name what is nearest."""
+"""An argument parser whose errors are one line and name what is nearest, and options that commands share."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -74,6 +74,59 @@ class Parser(argparse.ArgumentParser):
                 "command" if isinstance(action, argparse._SubParsersAction) else str(action.metavar or action.dest)
             )
             raise UsageError(str(UnknownNameError(kind, value, action.choices)))
+
+
+def add_command(
+    commands: Any, name: str, run: Callable[[argparse.Namespace], int | None], summary: str, epilog: str = ""
+) -> Parser:
+    """Add a command.
+
+    Args:
+        commands: what `add_subparsers` returned.
+        name: of the command.
+        run: takes the parsed arguments and returns the exit status; None for 0.
+        summary: one line for the list of commands and the head of the command's own help.
+        epilog: examples, printed as they are.
+    """
+    parser: Parser = commands.add_parser(
+        name,
+        help=summary,
+        description=f"{summary[0].upper()}{summary[1:]}.",
+        epilog=epilog or None,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_debug(parser)
+    parser.set_defaults(run=run, parser=parser)
+    return parser
+
+
+def add_group(commands: Any, name: str, summary: str) -> Any:
+    """Add a command that has sub-commands; return what they are added to."""
+    parser = commands.add_parser(name, help=summary, description=f"{summary[0].upper()}{summary[1:]}.")
+    add_debug(parser)
+    return parser.add_subparsers(metavar="SUBCOMMAND", required=True)
+
+
+def add_debug(parser: argparse.ArgumentParser) -> None:
+    """Add `--debug`."""
+    parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
+
+
+def add_set(parser: argparse.ArgumentParser, what: str, option: str = "--set") -> None:
+    """Add `--set KEY=VALUE ...`, which `overrides_of` reads."""
+    parser.add_argument(option, nargs="+", action="extend", default=[], metavar="KEY=VALUE", help=what)
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """Add `--workers`, which `workers_of` reads."""
+    parser.add_argument("--workers", type=int, help="number of processes (default: one per core)")
+
+
+def workers_of(arguments: argparse.Namespace) -> int:
+    """Return the number of processes that was asked for, else that of the cores."""
+    from artiskill.jobs.parallel import available_cores
+
+    return available_cores() if arguments.workers is None else arguments.workers
 
 
 def overrides_of(pairs: Sequence[str]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""How far the work has come: a bar on a terminal, a few plain lines anywhere else."""
+"""Progress of long work: a bar on a terminal, a few plain lines anywhere else."""
 
 import sys
 import time
@@ -9,8 +9,8 @@ _LINES = 10  # on the way, if not on a terminal
 _SILENCE_S = 60.0  # there, another line after so long
 
 
-class Progress:
-    """Counts what is done, on standard error.
+class ProgressBar:
+    """Show on standard error how much is done.
 
     Args:
         title: what is being done.
@@ -52,21 +52,21 @@ class Progress:
             self._bar.stop()
 
     def advance(self, success: bool | None = None) -> None:
-        """One more unit; it may count as solved or not."""
+        """Count one more unit, as solved or not where that is known."""
         if success is not None:
             self._counted += 1
             self._successes += success
         self._show_done(self._done + 1)
 
     def attempt(self, success: bool) -> None:
-        """One more attempt at a unit, which is one more unit only if it is solved."""
+        """Count one more attempt at a unit, and one more unit if it is solved."""
         if success:
             self.advance(success)
         else:
             self._counted += 1
             self._show_done(self._done)
 
-    def say(self, line: str) -> None:
+    def print(self, line: str) -> None:
         """Print a line, above the bar where there is one."""
         if self._bar is not None:
             self._bar.console.print(line, highlight=False, markup=False)
@@ -74,7 +74,7 @@ class Progress:
             print(line, file=sys.stderr, flush=True)
 
     def skip(self, count: int) -> None:
-        """So many units were there before; they say nothing about the rate."""
+        """Count units that were there before; they say nothing about the rate."""
         self._skipped += count
         self._done += count
         if self._bar is not None:
@@ -89,7 +89,7 @@ class Progress:
         if done * _LINES // self._total > before * _LINES // self._total or now - self._line_at > _SILENCE_S:
             rate = self._rate()
             left = f", {(self._total - done) / rate:.0f} s left" if rate else ""
-            self.say(f"{self._title}: {done}/{self._total} {self._unit}, {self._note()}{left}")
+            self.print(f"{self._title}: {done}/{self._total} {self._unit}, {self._note()}{left}")
             self._line_at = now
 
     def _update(self) -> None:

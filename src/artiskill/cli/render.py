@@ -1,8 +1,10 @@
-"""`artiskill render`: pictures of an episode, from the world or by the robot's cameras, or of an object alone."""
+"""`artiskill render`: pictures and videos of an episode or of an object alone."""
 
 import argparse
 from pathlib import Path
 from typing import Any
+
+from artiskill.cli.parser import UsageError, add_command, add_set, overrides_of
 
 _EPILOG = """examples:
   artiskill render --task OpenCabinetDrawer --object cabinet-0023 --level 3 --out look.png
@@ -10,54 +12,55 @@ _EPILOG = """examples:
   artiskill render --task OpenCabinetDrawer --object cabinet-0023 --view cloud --azimuth 180 --out episode.gif
   artiskill render --object generated:cabinet:7 --open 0.8 --out cabinet.png
 
-Without --task it is a picture of the object alone, its joints at a share of their ranges; a moving one opens and
-closes them. docs/pictures.md says more."""
+Without --task, the object is drawn alone; a video opens and closes its joints. See docs/pictures.md."""
 
-# what only one of the two kinds of pictures knows
+# options of only one of the two kinds of pictures
 _OF_EPISODES = ("target", "level", "policy", "step", "view", "masks", "set")
 _OF_OBJECTS = ("open",)
 
 
-def add_command(commands: Any) -> None:
-    """Describe the command."""
-    parser = commands.add_parser(
-        "render",
-        help="make a picture or film of an episode or an object",
-        description="Make a picture or film of an episode or an object.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+def add_commands(commands: Any) -> None:
+    """Add the command."""
+    parser = add_command(
+        commands, "render", _render, "draw an episode or an object, as a picture or video", _EPILOG
     )
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help=".png, .jpg, .gif, .webp or .mp4")
-    parser.add_argument("--object", required=True, help="an id, generated:<category>:<seed>, partnet:<id>, a path")
+    parser.add_argument("--object", required=True, help="id, generated:<category>:<seed>, partnet:<id> or path")
     parser.add_argument("--width", type=int, help="pixels (default: 640)")
     parser.add_argument("--height", type=int, help="pixels (default: 480)")
-    parser.add_argument("--azimuth", type=float, metavar="DEG", help="where the camera stands, from +x on")
-    parser.add_argument("--elevation", type=float, metavar="DEG", help="its height above the horizon")
-    parser.add_argument("--distance", type=float, metavar="METRES", help="from its target")
-    parser.add_argument("--at", type=float, nargs=3, metavar=("X", "Y", "Z"), help="its target, metres")
+    parser.add_argument("--azimuth", type=float, metavar="DEG", help="direction of the camera, counted from +x")
+    parser.add_argument("--elevation", type=float, metavar="DEG", help="angle of the camera above the horizon")
     parser.add_argument(
-        "--look", nargs="+", action="extend", default=[], metavar="KEY=VALUE", help="light and more: render.yaml"
+        "--distance", type=float, metavar="METRES", help="from the camera to the point it looks at"
     )
+    parser.add_argument(
+        "--at", type=float, nargs=3, metavar=("X", "Y", "Z"), help="point that the camera looks at, in metres"
+    )
+    add_set(parser, "change light and other values of render.yaml", "--look")
     alone = parser.add_argument_group("an object alone")
-    alone.add_argument("--open", type=float, nargs="+", metavar="SHARE", help="of all joints or each (default: 0)")
+    alone.add_argument(
+        "--open",
+        type=float,
+        nargs="+",
+        metavar="SHARE",
+        help="how far joints are open, one share for all or one each (default: 0)",
+    )
     episode = parser.add_argument_group("an episode")
     episode.add_argument("--task", help="name of the task")
-    episode.add_argument("--target", help="the target link (default: the level draws one)")
-    episode.add_argument("--level", "--seed", type=int, help="which episode (default: 0)")
+    episode.add_argument("--target", help="target link (default: drawn by the level)")
+    episode.add_argument("--level", "--seed", type=int, help="level (seed) of the episode (default: 0)")
     episode.add_argument("--policy", help="expert, random, still or path/to/solution.py (default: expert)")
-    episode.add_argument("--step", type=int, help="of a still picture: after so many steps (default: 0)")
+    episode.add_argument("--step", type=int, help="draw a still picture after this many steps (default: 0)")
     episode.add_argument("--view", help="world, sensor, cloud or all (default: world)")
-    episode.add_argument("--masks", action="store_true", default=None, help="paint the task's masks over it")
-    episode.add_argument("--set", nargs="+", action="extend", metavar="KEY=VALUE", help="task settings")
-    parser.set_defaults(run=run)
+    episode.add_argument("--masks", action="store_true", default=None, help="colour the task's segmentation masks")
+    episode.add_argument(
+        "--set", nargs="+", action="extend", metavar="KEY=VALUE", help="change values of the task's configuration"
+    )
 
 
-def run(arguments: argparse.Namespace) -> None:
-    """Check, draw, write, and say where."""
-    from artiskill.cli.parser import UsageError
-
+def _render(arguments: argparse.Namespace) -> None:
     alone = arguments.task is None
-    reason = "needs --task" if alone else "is for an object alone, without --task"
+    reason = "needs --task" if alone else "cannot be combined with --task"
     for name in _OF_EPISODES if alone else _OF_OBJECTS:
         if getattr(arguments, name) is not None:
             raise UsageError(f"--{name} {reason} (see artiskill render --help)")
@@ -66,7 +69,6 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _render_episode(arguments: argparse.Namespace) -> Path:
-    from artiskill.cli.parser import overrides_of
     from artiskill.evaluation.pictures import EpisodeChoice, save_episode_picture
     from artiskill.evaluation.scene_pictures import PictureStyle
 
@@ -114,7 +116,6 @@ def _viewpoint(arguments: argparse.Namespace) -> Any:
 
 
 def _look(arguments: argparse.Namespace) -> Any:
-    from artiskill.cli.parser import overrides_of
     from artiskill.sensors.render_config import load_render_config
 
     return load_render_config("picture", overrides_of(arguments.look))
