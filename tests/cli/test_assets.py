@@ -120,12 +120,12 @@ def test_each_level_is_told_when_it_is_done(
 ) -> None:
     shown_before: list[str] = []
 
-    def solve(env: object, level: int, config: object, threads: int) -> Attempt:
+    def solve(env: object, level: int, config: object, threads: int) -> SolveResult:
         assert threads == 1
         shown_before.append(capsys.readouterr().err)
         return SolveResult("cabinet-0002", "link_0", level, level == 0, 40 + level, 9.5, 61.2, np.zeros((1, 13)))
 
-    monkeypatch.setattr("artiskill.experts.solve.solve_level", solve)
+    monkeypatch.setattr("artiskill.experts.mpc.solve_level", solve)
     assert main([*COMMAND, "--levels", "0", "1", "--threads", "1"]) == 1
     assert shown_before[0] == ""
     assert "cabinet-0002, link_0, level 0: solved in 40 steps, 61 s\n" in shown_before[1]

@@ -22,7 +22,7 @@ def test_bench_shows_and_writes(tmp_path: Path, capsys: Capture) -> None:
     shown = capsys.readouterr()
     assert "OpenCabinetDrawer   state" in shown.out
     assert f"written: {out}/bench.json" in shown.out
-    assert "1/1 figures" in shown.err
+    assert "1/1 rows" in shown.err
     assert json.loads((out / "bench.json").read_text())["cases"][0]["num_envs"] == 2
     assert (out / "bench.png").stat().st_size > 5000
 
@@ -49,7 +49,7 @@ def test_the_table(capsys: Capture) -> None:
 
 def test_a_busy_machine_is_told_of(capsys: Capture) -> None:
     print_bench(BenchReport(MACHINE | {"load": 5.0}, []))
-    assert "the machine had other work (load 5.0)" in capsys.readouterr().out
+    assert "the machine was busy (load 5.0)" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

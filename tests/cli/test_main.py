@@ -1,5 +1,6 @@
 """The command line as a person meets it."""
 
+import argparse
 import json
 import os
 import re
@@ -37,6 +38,29 @@ def test_evaluate_writes_shows_and_films(tmp_path: Path, capsys: Capture) -> Non
     data = json.loads((out / "report.json").read_text())
     assert (data["policy"], data["mean_length"], data["config"]["episode_steps"]) == ("random", 6, 6)
     assert film.stat().st_size > 1000
+
+
+def test_the_demo_is_an_evaluation(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    evaluated: list[argparse.Namespace] = []
+    monkeypatch.setattr("artiskill.cli.evaluate._run_evaluate", evaluated.append)
+    assert main(["demo", "--out", "some/where", "--workers", "1"]) == 0
+    command = capsys.readouterr().out.split()
+    assert command[:3] == ["artiskill", "evaluate", "--task"]
+    assert main(command[1:]) == 0
+    first, second = (vars(one) | {"parser": None} for one in evaluated)
+    assert first == second
+    assert (first["policy"], first["objects"], first["episodes"]) == ("expert", ["test"], 2)
+    assert first["video"] == Path("some/where/episode.gif")
+
+
+@pytest.mark.slow
+def test_the_demo_opens_drawers_without_any_extra(tmp_path: Path) -> None:
+    extras = "imageio", "imageio_ffmpeg", "matplotlib", "h5py", "trimesh", "pygame"
+    code = f"import sys; sys.modules.update(dict.fromkeys({extras}))\nfrom artiskill.cli.main import main; sys.exit(main())"
+    subprocess.run([sys.executable, "-c", code, "demo"], cwd=tmp_path, check=True)
+    report = json.loads((tmp_path / "results" / "demo" / "report.json").read_text())
+    assert (report["episodes"], report["success_rate"] > 0.8) == (20, True)
+    assert (tmp_path / "results" / "demo" / "episode.gif").stat().st_size > 100_000
 
 
 def test_objects(capsys: Capture) -> None:
@@ -141,7 +165,7 @@ def test_an_earlier_report_is_not_taken_for_that_of_a_run_that_failed(tmp_path: 
         shown = capsys.readouterr()
         assert shown.out == ""
         assert "a worker process ended by itself (exit status 0)" in shown.err
-        assert f"note: {out}/report.json is of an earlier evaluation\n" in shown.err
+        assert f"note: {out}/report.json is from an earlier evaluation\n" in shown.err
         assert (out / "report.json").read_bytes() == before
 
 
@@ -264,7 +288,7 @@ def test_a_reader_that_leaves_is_no_error() -> None:
 def test_folder_and_film_cannot_be_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     place = str(tmp_path / "film.gif")
     assert main(["evaluate", "--policy", "still", "--out", place, "--video", place]) == 2
-    assert "--out and --video both name" in capsys.readouterr().err
+    assert "--out and --video are both" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 

@@ -62,7 +62,7 @@ def test_a_picture_of_an_object(tmp_path: Path) -> None:
     [
         ([*OBJECT, "--view", "world"], "--view needs --task"),
         ([*OBJECT, "--step", "0"], "--step needs --task"),
-        ([*EPISODE, "--open", "1"], "--open is for an object alone"),
+        ([*EPISODE, "--open", "1"], "--open cannot be combined with --task"),
         ([*EPISODE, "--view", "wrld"], "did you mean 'world'"),
         ([*EPISODE, "--level", "-4"], "a level is an integer from 0"),
         ([*EPISODE, "--step", "-1"], "negative"),

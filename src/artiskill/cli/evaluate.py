@@ -32,7 +32,7 @@ _DEMO_EPILOG = """The demo is this command, with 2 episodes on each test object:
 def add_commands(commands: Any) -> None:
     """Add the commands."""
     summary = "watch the expert solve a task on unseen test objects; report and GIF"
-    parser = add_command(commands, "demo", _demo, summary, _DEMO_EPILOG)
+    parser = add_command(commands, "demo", _run_demo, summary, _DEMO_EPILOG)
     _add_task(parser)
     parser.add_argument(
         "--out",
@@ -46,7 +46,7 @@ def add_commands(commands: Any) -> None:
 
 
 def _add_evaluate(commands: Any) -> None:
-    parser = add_command(commands, "evaluate", _evaluate, "measure a policy on many objects", _EPILOG)
+    parser = add_command(commands, "evaluate", _run_evaluate, "measure a policy on many objects", _EPILOG)
     _add_task(parser)
     parser.add_argument(
         "--policy",
@@ -94,7 +94,7 @@ def _add_task(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--task", default="OpenCabinetDrawer", help="name of the task (default: %(default)s)")
 
 
-def _demo(arguments: argparse.Namespace) -> None:
+def _run_demo(arguments: argparse.Namespace) -> None:
     out = str(arguments.out)
     command = ["evaluate", "--task", arguments.task, "--policy", "expert", "--objects", "test", "--episodes", "2"]
     command += ["--out", out, "--video", f"{out}/episode.gif"]
@@ -103,10 +103,10 @@ def _demo(arguments: argparse.Namespace) -> None:
     print(f"artiskill {shlex.join(command)}", flush=True)
     parser = Parser(prog="artiskill")
     add_commands(parser.add_subparsers())
-    _evaluate(parser.parse_strictly(command))
+    _run_evaluate(parser.parse_strictly(command))
 
 
-def _evaluate(arguments: argparse.Namespace) -> None:
+def _run_evaluate(arguments: argparse.Namespace) -> None:
     from artiskill.jobs.fork_server import fork_server
 
     if arguments.workers != 1 or arguments.policy.endswith(".py"):  # it imports while this process does
@@ -131,7 +131,7 @@ def _evaluate(arguments: argparse.Namespace) -> None:
         check_workers(plan, workers, arguments.step_timeout)
     with nullcontext() if arguments.out is None else lock_folder(arguments.out):
         with _note_earlier_report(arguments.out):
-            report = _run(arguments, plan, workers)
+            report = _play_episodes(arguments, plan, workers)
             if arguments.out is not None:
                 write_report(report, arguments.out, is_locked=True)
                 print(f"report: {arguments.out}/report.md")
@@ -167,7 +167,7 @@ def _plan(arguments: argparse.Namespace) -> "EvaluationPlan":
     )
 
 
-def _run(arguments: argparse.Namespace, plan: "EvaluationPlan", workers: int) -> "Report":
+def _play_episodes(arguments: argparse.Namespace, plan: "EvaluationPlan", workers: int) -> "Report":
     from artiskill.cli.progress import ProgressBar
     from artiskill.cli.table import print_report
     from artiskill.evaluation.evaluate import run_evaluation
