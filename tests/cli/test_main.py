@@ -56,7 +56,10 @@ def test_the_demo_is_an_evaluation(capsys: Capture, monkeypatch: pytest.MonkeyPa
 @pytest.mark.slow
 def test_the_demo_opens_drawers_without_any_extra(tmp_path: Path) -> None:
     extras = "imageio", "imageio_ffmpeg", "matplotlib", "h5py", "trimesh", "pygame"
-    code = f"import sys; sys.modules.update(dict.fromkeys({extras}))\nfrom artiskill.cli.main import main; sys.exit(main())"
+    code = (
+        f"import sys; sys.modules.update(dict.fromkeys({extras}))\n"
+        "from artiskill.cli.main import main; sys.exit(main())"
+    )
     subprocess.run([sys.executable, "-c", code, "demo"], cwd=tmp_path, check=True)
     report = json.loads((tmp_path / "results" / "demo" / "report.json").read_text())
     assert (report["episodes"], report["success_rate"] > 0.8) == (20, True)
