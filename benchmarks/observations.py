@@ -17,7 +17,7 @@ import gymnasium as gym
 import numpy as np
 
 import artiskill
-from artiskill.envs.observation import ObservationContext
+from artiskill.envs.core import ObservationContext
 from artiskill.envs.vision import CameraRig
 from artiskill.envs.wrappers import PointCloudDownsample
 

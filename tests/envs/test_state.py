@@ -62,7 +62,7 @@ def bits(face: Single) -> list[bytes]:
         found.append(batch.snapshot.body_position_w.tobytes())
         for model in batch.simulation._models:
             found += [model.dof_frictionloss.tobytes(), model.dof_damping.tobytes(), model.jnt_range.tobytes()]
-    return [*found, episodes.progress.elapsed.tobytes(), episodes.progress.streaks.tobytes()]
+    return [*found, episodes.elapsed.tobytes(), episodes.streaks.tobytes()]
 
 
 def refuse(face: Single, state: Any, says: str) -> None:

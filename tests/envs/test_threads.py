@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from artiskill.envs.core import row_of
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.observation import row_of
 from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.envs.wrappers import PointCloudDownsample, VectorPointCloudDownsample
 

@@ -7,8 +7,8 @@ import pytest
 from PIL import Image, ImageSequence
 
 from artiskill.demos.demos import load_demo_pack
+from artiskill.envs.core import ObservationContext
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.observation import ObservationContext
 from artiskill.envs.rendering import Viewpoint
 from artiskill.errors import ConfigError, UnknownNameError
 from artiskill.evaluation.pictures import (

@@ -12,11 +12,10 @@ from typing import Any, Self
 import gymnasium as gym
 
 from artiskill.envs.control import Control
-from artiskill.envs.episodes import Episodes
-from artiskill.envs.observation import MakeObserver, ObservationBuffers
+from artiskill.envs.core import Episodes, MakeObserver, ObservationBuffers
 from artiskill.envs.rendering import WorldViews
 from artiskill.envs.sampling import EpisodeSampler, ObjectChoice
-from artiskill.envs.state import EnvState
+from artiskill.envs.state import EnvState, restore_episodes, save_all
 from artiskill.tasks.registry import make_task
 
 
@@ -72,7 +71,7 @@ class EnvBase:
             self._observations.enter(env)
 
     def _restore(self, envs: Sequence[int], states: Sequence[EnvState]) -> None:
-        for env in self._episodes.restore(envs, states):
+        for env in restore_episodes(self._episodes, envs, states):
             self._observations.enter(env)
         self._observations.stale[list(envs)] = True
         self._episodes.evaluate()
@@ -99,11 +98,14 @@ class EnvBase:
         Raises:
             DivergedError: the physics of an episode diverged: there is no state to go on from.
         """
-        return self._episodes.save_all()
+        handed_in = [sampler.handed_in for sampler in self._episodes.samplers]
+        return {"handed_in": handed_in, "states": save_all(self._episodes)}
 
     def _restore_episodes(self, saved: dict[str, Any]) -> None:
         """Restore what `_save_episodes` returned."""
-        self._episodes.remember(saved["handed_in"])
+        for sampler, objects in zip(self._episodes.samplers, saved["handed_in"], strict=True):
+            for obj in objects:
+                sampler.remember(obj)
         if saved["states"]:
             self._restore(range(self._episodes.count), saved["states"])
 

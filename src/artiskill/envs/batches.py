@@ -54,12 +54,12 @@ class BatchGroup:
 
     def place(
         self, envs: Sequence[int], scenes: Sequence[Scene], goals: Sequence[Goal]
-    ) -> list[tuple["Batch", list[int]]]:
+    ) -> list[tuple["Batch", list[int], list[int]]]:
         """Give environments slots that fit their scenes' layouts, and their goals to the batches.
 
         Returns:
-            Each batch that got any of them, with their indices in `envs` in the order of their slots. The caller
-            resets or restores these slots and then calls `refresh`.
+            Each batch that has any of them, their indices in `envs` in the order of their slots, and these slots.
+            The caller resets or restores them and then calls `refresh`.
         """
         moving: dict[SceneLayout, list[int]] = {}
         for k, (env, scene) in enumerate(zip(envs, scenes, strict=True)):
@@ -72,13 +72,16 @@ class BatchGroup:
             self._join(layout, [envs[k] for k in indices], scenes[first], goals[first])
         if moving:
             self.batches = tuple(batch for batch in self._by_layout.values() if len(batch.taken))
-        placed: dict[Batch, list[int]] = {}
+        found: dict[Batch, list[int]] = {}
         for k, env in enumerate(envs):
-            placed.setdefault(self.batch_of(env), []).append(k)
-        for batch, indices in placed.items():
+            found.setdefault(self.batch_of(env), []).append(k)
+        placed = []
+        for batch, indices in found.items():
             indices.sort(key=lambda k: int(self.slot[envs[k]]))
-            batch.set_goals([int(self.slot[envs[k]]) for k in indices], [goals[k] for k in indices])
-        return list(placed.items())
+            slots = [int(self.slot[envs[k]]) for k in indices]
+            batch.set_goals(slots, [goals[k] for k in indices])
+            placed.append((batch, indices, slots))
+        return placed
 
     def _leave(self, env: int) -> None:
         batch = self._batch_of[env]

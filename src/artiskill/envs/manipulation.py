@@ -8,11 +8,11 @@ import numpy as np
 
 from artiskill.envs.base import EnvBase
 from artiskill.envs.control import JOINT, check_action
-from artiskill.envs.observation import row_of
+from artiskill.envs.core import row_of
 from artiskill.envs.options import HUMAN, OBSERVERS, RENDER_MODES, check_modes, checked_options
 from artiskill.envs.rendering import Window, render_modes_here
 from artiskill.envs.sampling import ObjectChoice, draw_level
-from artiskill.envs.state import EnvState
+from artiskill.envs.state import EnvState, save_episode
 from artiskill.errors import ConfigError, DivergedError
 from artiskill.scene.scene import Scene
 from artiskill.sim.simulation import Simulation
@@ -141,7 +141,7 @@ class ManipulationEnv(EnvBase, gym.Env[Any, np.ndarray]):
         if diverged:
             raise DivergedError(diverged)
         episodes.evaluate()
-        episodes.progress.advance(episodes.flags)
+        episodes.advance()
         rewards, terminated, truncated = episodes.outcome(self.reward_mode == "dense")
         observation, info = self._observe()
         return observation, rewards.item(), terminated.item(), truncated.item(), info
@@ -170,7 +170,7 @@ class ManipulationEnv(EnvBase, gym.Env[Any, np.ndarray]):
         Raises:
             ResetNeededError: called before the first `reset`.
         """
-        return self._episodes.save(0)
+        return save_episode(self._episodes, 0)
 
     def restore_state(self, state: EnvState) -> tuple[Any, dict[str, Any]]:
         """Restore a saved state; the same actions then give the same bits.

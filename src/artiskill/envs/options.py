@@ -8,7 +8,7 @@ from gymnasium.vector import AutoresetMode
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.envs.control import CONTROL_MODES
-from artiskill.envs.observation import MakeObserver, StateObserver
+from artiskill.envs.core import MakeObserver, StateObserver
 from artiskill.envs.vision import PointCloudObserver, RgbdObserver
 from artiskill.errors import ConfigError, check_name, shown
 from artiskill.jobs.parallel import available_cores

@@ -10,7 +10,7 @@ from weakref import WeakSet
 
 import numpy as np
 
-from artiskill.envs.episodes import Episodes
+from artiskill.envs.core import Episodes
 from artiskill.envs.options import HUMAN, RENDER_MODES
 from artiskill.errors import ConfigError, MissingExtraError
 from artiskill.scene.scene import Scene

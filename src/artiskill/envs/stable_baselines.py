@@ -7,7 +7,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from artiskill.envs.observation import copied
+from artiskill.envs.core import copied
 from artiskill.envs.vector_env import SETTABLE, ManipulationVectorEnv
 from artiskill.errors import ConfigError, MissingExtraError, shown
 from artiskill.tasks.levels import MAX_LEVEL

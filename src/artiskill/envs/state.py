@@ -1,11 +1,13 @@
-"""`EnvState`: a saved instant of an episode."""
+"""`EnvState`: a saved state of an episode, which episodes are saved to and restored from."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from artiskill.errors import StateError, shown
-from artiskill.sim.states import SimulationState
+from artiskill.envs.core import Episodes
+from artiskill.errors import Cause, DivergedError, StateError, shown
+from artiskill.sim.states import SimulationState, check_state
 from artiskill.tasks.levels import check_level
 
 _MOST_STEPS = 2**31 - 1  # of an episode: nobody plays so long, and counting on from there cannot overflow
@@ -13,7 +15,7 @@ _MOST_STEPS = 2**31 - 1  # of an episode: nobody plays so long, and counting on 
 
 @dataclass(frozen=True, eq=False)
 class EnvState:
-    """A saved instant of an episode; `ManipulationEnv.restore_state` takes it back.
+    """A saved state of an episode; `ManipulationEnv.restore_state` restores it.
 
     Attributes:
         task: name of the task.
@@ -34,8 +36,71 @@ class EnvState:
     streaks: np.ndarray
 
 
+def save_episode(episodes: Episodes, env: int) -> EnvState:
+    """Return the state of one episode.
+
+    Raises:
+        ResetNeededError: before the first reset.
+    """
+    episodes.check_begun("save_state()")
+    batch, slot = episodes.group.batch_of(env), int(episodes.group.slot[env])
+    return EnvState(
+        task=episodes.task.name,
+        object=episodes.objects[env],
+        target=episodes.targets[env],
+        level=int(episodes.levels[env]),
+        simulation=batch.simulation.save([slot]),
+        elapsed=int(episodes.elapsed[env]),
+        streaks=episodes.streaks[env].copy(),
+    )
+
+
+def restore_episodes(episodes: Episodes, envs: Sequence[int], states: Sequence[EnvState]) -> list[int]:
+    """Restore saved episodes; nothing has changed if it raises.
+
+    Returns:
+        The environments whose scene or target has changed.
+
+    Raises:
+        StateError: a state is of another task, object, robot, physics configuration or props, or damaged.
+        UnknownNameError: there is no such object or target link.
+    """
+    scenes = []
+    for env, state in zip(envs, states, strict=True):
+        check_episode(state, episodes.task.name, len(episodes.task.flag_names))
+        obj = episodes.samplers[env].find(state.object)
+        episodes.samplers[env].check_target(obj, state.target)
+        scene = episodes.scene_with(obj, env)
+        check_state(state.simulation, [scene])
+        scenes.append(scene)
+    levels, targets = [state.level for state in states], [state.target for state in states]
+    placed, changed = episodes.place(envs, levels, scenes, targets)
+    for batch, indices, slots in placed:
+        for k, slot in zip(indices, slots, strict=True):
+            batch.simulation.restore(states[k].simulation, [slot], [scenes[k]], is_checked=True)
+        batch.refresh()
+    for env, state in zip(envs, states, strict=True):
+        episodes.elapsed[env], episodes.streaks[env] = state.elapsed, state.streaks
+    return changed
+
+
+def save_all(episodes: Episodes) -> list[EnvState]:
+    """Return the states of all episodes; none before the first reset.
+
+    Raises:
+        DivergedError: the physics of some diverged: there is no state to go on from.
+    """
+    causes: dict[int, Cause] = {}
+    for batch in episodes.group.batches:
+        found = batch.simulation.diverged(batch.taken)
+        causes |= {int(batch.members[slot]): cause for slot, cause in found.items()}
+    if causes:
+        raise DivergedError(causes)
+    return [save_episode(episodes, env) for env in range(episodes.count if episodes.begun else 0)]
+
+
 def check_episode(state: EnvState, task: str, flags: int) -> None:
-    """See whether the episode's part of a state makes sense, and belongs to a task.
+    """Check the episode's part of a state: that it belongs to a task and is not damaged.
 
     Args:
         state: all but its physical part is looked at.

@@ -11,8 +11,7 @@ from gymnasium.vector.utils import batch_space
 
 from artiskill.envs.base import EnvBase
 from artiskill.envs.control import JOINT, check_actions
-from artiskill.envs.episodes import Episodes
-from artiskill.envs.observation import copied, row_of
+from artiskill.envs.core import Episodes, copied, row_of
 from artiskill.envs.options import (
     OBSERVERS,
     RESET_OPTIONS,
@@ -28,8 +27,7 @@ from artiskill.envs.options import (
     thread_count,
 )
 from artiskill.envs.sampling import EpisodeSampler, ObjectChoice, draw_level
-from artiskill.envs.state import EnvState
-from artiskill.envs.vector_info import ObjectArray, only, stacked, with_masks
+from artiskill.envs.state import EnvState, save_episode
 from artiskill.errors import ConfigError, DivergedError, ResetNeededError
 from artiskill.tasks.levels import check_level
 
@@ -165,7 +163,7 @@ class ManipulationVectorEnv(EnvBase, gym.vector.VectorEnv[Any, Any, Any]):
         if resting is not None:
             self._restart(resting)
         episodes.evaluate()
-        episodes.progress.advance(episodes.flags, None if resting is None else ~resting)
+        episodes.advance(None if resting is None else ~resting)
         rewards, terminated, truncated = episodes.outcome(self.reward_mode == "dense", resting)
         self._done = terminated | truncated
         if diverged:
@@ -252,7 +250,7 @@ class ManipulationVectorEnv(EnvBase, gym.vector.VectorEnv[Any, Any, Any]):
             ConfigError: no environment of this number.
             ResetNeededError: called before the first `reset`.
         """
-        return self._episodes.save(env_number(env, self.num_envs))
+        return save_episode(self._episodes, env_number(env, self.num_envs))
 
     def restore_state(self, env: int, state: EnvState) -> None:
         """Restore a state of this or a single environment; what it observes comes with the next `step`.
@@ -337,3 +335,68 @@ class ManipulationVectorEnv(EnvBase, gym.vector.VectorEnv[Any, Any, Any]):
         self._generators, self._done = list(saved["generators"]), saved["done"].copy()
         if saved["closed"]:
             self._observations.close()
+
+
+class ObjectArray(np.ndarray):
+    """An array (B,) of names, or of observations, or of None; a type of its own for `ArrayConversion`'s sake."""
+
+
+def _register_conversion() -> None:
+    """Have Gymnasium's `ArrayConversion` (`NumpyToTorch`, ...), which takes numbers only, look inside."""
+    try:
+        from gymnasium.wrappers.array_conversion import array_conversion
+    except ImportError:  # Gymnasium before 1.2 has other wrappers
+        return
+
+    def convert(values: ObjectArray, xp: Any, device: Any = None) -> ObjectArray:
+        converted = np.full_like(values, None)
+        for i, value in enumerate(values):
+            converted[i] = value if isinstance(value, str) else array_conversion(value, xp, device)
+        return converted
+
+    array_conversion.register(ObjectArray, convert)
+
+
+_register_conversion()
+
+
+def with_masks(values: Mapping[str, Any], mask: np.ndarray) -> dict[str, Any]:
+    """Arrays (B, ...) and nested mappings of them, each key `k` with `_k`, the (B,) mask, beside it."""
+    out: dict[str, Any] = {}
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            out[key] = with_masks(value, mask)
+        else:
+            out[key] = value.view(ObjectArray) if value.dtype == object else value
+        out[f"_{key}"] = mask.copy()
+    return out
+
+
+def only(values: Mapping[str, Any], mask: np.ndarray) -> dict[str, Any]:
+    """Copies of the arrays, zero (None for objects) outside the mask."""
+    out: dict[str, Any] = {}
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            out[key] = only(value, mask)
+        else:
+            kept = np.full_like(value, None) if value.dtype == object else np.zeros_like(value)
+            kept[mask] = value[mask]
+            out[key] = kept
+    return out
+
+
+def stacked(infos: Mapping[int, Mapping[str, Any]], num_envs: int) -> dict[str, Any]:
+    """Per-environment mappings of arrays as arrays (B, ...), zero where an environment has none."""
+    out: dict[str, Any] = {}
+    for env, info in infos.items():
+        _write(info, env, num_envs, out)
+    return out
+
+
+def _write(info: Mapping[str, Any], env: int, num_envs: int, out: dict[str, Any]) -> None:
+    for key, value in info.items():
+        if isinstance(value, Mapping):
+            _write(value, env, num_envs, out.setdefault(key, {}))
+        else:
+            array = np.asarray(value)
+            out.setdefault(key, np.zeros((num_envs, *array.shape), array.dtype))[env] = array

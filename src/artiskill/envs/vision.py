@@ -10,7 +10,7 @@ from typing import Any, Literal
 import gymnasium as gym
 import numpy as np
 
-from artiskill.envs.observation import ObservationContext
+from artiskill.envs.core import ObservationContext
 from artiskill.errors import check_name
 from artiskill.scene.scene import Scene
 from artiskill.sensors.observations.cameras import Panorama

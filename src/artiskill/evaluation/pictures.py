@@ -13,8 +13,8 @@ from artiskill.assets.catalog import load_object, resolve_objects
 from artiskill.config import check
 from artiskill.demos.demo_file import DemoFile, Trajectory
 from artiskill.envs.control import JOINT
+from artiskill.envs.core import ObservationContext
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.observation import ObservationContext
 from artiskill.envs.rendering import HEIGHT, WIDTH, Viewpoint
 from artiskill.errors import ConfigError, shown
 from artiskill.evaluation.evaluate import run_episode

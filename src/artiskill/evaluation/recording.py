@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from artiskill.assets.handles import is_handle_part
+from artiskill.envs.core import ObservationContext
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.envs.observation import ObservationContext
 from artiskill.envs.rendering import Viewpoint
 from artiskill.errors import ConfigError, shown
 from artiskill.evaluation.evaluate import BatchJob, check_workers, run_batches, run_episode

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from artiskill.envs.observation import ObservationContext, empty_observation
+from artiskill.envs.core import ObservationContext, empty_observation
 from artiskill.envs.rendering import HEIGHT, WIDTH, Viewpoint, WorldView
 from artiskill.envs.vision import PointCloudObserver
 from artiskill.errors import ConfigError, UnknownNameError
