@@ -58,10 +58,10 @@ def test_flattened_observations_are_those_of_single_environments() -> None:
 def test_what_does_not_fit_is_refused() -> None:
     with pytest.raises(ConfigError, match="pointcloud"):
         VectorPointCloudDownsample(make("state"))
-    with pytest.raises(ConfigError, match="once"):
+    with pytest.raises(ConfigError, match="down-sampled already"):
         VectorPointCloudDownsample(VectorPointCloudDownsample(make()))
     with pytest.raises(ConfigError, match="dictionary"):
         VectorFlattenDict(make("state"))
     sync = gym.vector.SyncVectorEnv([lambda: ManipulationEnv(TASK, obs_mode="pointcloud")])
-    with pytest.raises(ConfigError, match="vector of environments"):
+    with pytest.raises(ConfigError, match="needs a ManipulationVectorEnv"):
         VectorPointCloudDownsample(sync)

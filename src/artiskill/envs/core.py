@@ -187,7 +187,7 @@ class Episodes:
         self, is_dense: bool, resting: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return rewards, terminations and truncations of a step, (B,) each; 0 and False where episodes rest."""
-        success: np.ndarray = self.counted.all(axis=1)
+        success = np.asarray(self.counted.all(axis=1))
         rewards = self._dense_rewards() if is_dense else success.astype(np.float64)
         truncated = (self.elapsed >= self.task.episode_steps) & ~success
         if resting is not None:

@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.vector.utils import batch_space
 
+from artiskill.envs.core import MakeObserver
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.envs.vision import PointCloudObserver, sampled_points
@@ -18,8 +19,8 @@ class PointCloudDownsample(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordCons
     """Fewer points: a choice of the cloud's, with or without regard to the masks, in a frame of your choice.
 
     The environment underneath makes only the chosen points from then on, which is faster than choosing from its
-    full cloud; so `restore_state` returns them too. The choice depends on level and step alone: the same instant
-    has the same points, in any process.
+    full cloud; so `restore_state` returns them too. The choice depends on level and step alone: the same step has
+    the same points, in any process.
 
     Methods, none of which chooses points of the ground (z <= 1 mm):
 
@@ -56,8 +57,8 @@ class PointCloudDownsample(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordCons
             self, method=method, num_points=num_points, frame=frame, **settings
         )
         gym.Wrapper.__init__(self, env)
-        base = _manipulation_env(env)
-        base.observe_with(partial(sampled_points, method=method, num_points=num_points, frame=frame, **settings))
+        make_observer = partial(sampled_points, method=method, num_points=num_points, frame=frame, **settings)
+        _observe_points(env, ManipulationEnv, "observation_space", make_observer)
 
 
 class FlattenDict(gym.ObservationWrapper[Any, Any, Any], gym.utils.RecordConstructorArgs):
@@ -78,15 +79,12 @@ class FlattenDict(gym.ObservationWrapper[Any, Any, Any], gym.utils.RecordConstru
     def __init__(self, env: gym.Env[Any, Any]) -> None:
         gym.utils.RecordConstructorArgs.__init__(self)
         gym.ObservationWrapper.__init__(self, env)
-        if not isinstance(env.observation_space, gym.spaces.Dict):
-            raise ConfigError(f"FlattenDict needs observations in a dictionary; {env} has {env.observation_space}")
-        spaces = leaves(env.observation_space)
-        self._shapes = {key: flat_shape(space) for key, space in spaces.items()}
-        self.observation_space = gym.spaces.Dict({key: flat_space(space) for key, space in spaces.items()})
+        self._flattener = _Flattener(env, env.observation_space)
+        self.observation_space = self._flattener.space
 
     def observation(self, observation: dict[str, Any]) -> dict[str, np.ndarray]:
-        """Of one level."""
-        return {key: leaf.reshape(self._shapes[key]) for key, leaf in leaves(observation).items()}
+        """Return the observation with one level of keys."""
+        return self._flattener.flatten(observation)
 
 
 class VectorPointCloudDownsample(gym.vector.VectorWrapper):
@@ -94,10 +92,7 @@ class VectorPointCloudDownsample(gym.vector.VectorWrapper):
 
     Args:
         env: a vector of `ManipulationVectorEnv` with `obs_mode="pointcloud"`.
-        method: as in `PointCloudDownsample`, as the rest.
-        num_points: rows of `xyz`, `rgb` and `seg`.
-        frame: `world`, `robot` or `end_effector`.
-        **settings: of the method.
+        method, num_points, frame, **settings: as of `PointCloudDownsample`.
 
     Raises:
         UnknownNameError: no such method or frame.
@@ -113,14 +108,8 @@ class VectorPointCloudDownsample(gym.vector.VectorWrapper):
         **settings: Any,
     ) -> None:
         super().__init__(env)
-        base = env.unwrapped
-        if not isinstance(base, ManipulationVectorEnv) or base.obs_mode != "pointcloud":
-            raise ConfigError(
-                f"down-sampling needs a vector of environments with obs_mode='pointcloud', not {env}"
-            )
-        if env.single_observation_space != PointCloudObserver(base.task).space:
-            raise ConfigError(f"apply down-sampling first, and once: {env} has other observations already")
-        base.observe_with(partial(sampled_points, method=method, num_points=num_points, frame=frame, **settings))
+        make_observer = partial(sampled_points, method=method, num_points=num_points, frame=frame, **settings)
+        _observe_points(env, ManipulationVectorEnv, "single_observation_space", make_observer)
 
 
 class VectorFlattenDict(gym.vector.VectorWrapper):
@@ -135,69 +124,84 @@ class VectorFlattenDict(gym.vector.VectorWrapper):
 
     def __init__(self, env: gym.vector.VectorEnv[Any, Any, Any]) -> None:
         super().__init__(env)
-        if not isinstance(env.single_observation_space, gym.spaces.Dict):
-            raise ConfigError(f"VectorFlattenDict needs observations in a dictionary, not those of {env}")
-        spaces = leaves(env.single_observation_space)
-        self._shapes = {key: flat_shape(space) for key, space in spaces.items()}
-        self.single_observation_space = gym.spaces.Dict({k: flat_space(space) for k, space in spaces.items()})
+        self._flattener = _Flattener(env, env.single_observation_space)
+        self.single_observation_space = self._flattener.space
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)
 
     def observations(self, observations: dict[str, Any]) -> dict[str, np.ndarray]:
-        """Of one level."""
-        return {key: leaf.reshape(-1, *self._shapes[key]) for key, leaf in leaves(observations).items()}
+        """Return the observations with one level of keys."""
+        return self._flattener.flatten(observations, self.num_envs)
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """As of the environment."""
+        """Reset the environment; see `ManipulationVectorEnv.reset`."""
         observations, infos = super().reset(seed=seed, options=options)
         return self.observations(observations), infos
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """As of the environment; the observations that episodes ended with are flattened too."""
+        """Step the environment; the observations that episodes ended with are flattened, too."""
         observations, rewards, terminations, truncations, infos = super().step(actions)
         for env in np.flatnonzero(infos.get("_final_obs", ())):
-            last = leaves(infos["final_obs"][env])
-            infos["final_obs"][env] = {key: leaf.reshape(self._shapes[key]) for key, leaf in last.items()}
+            infos["final_obs"][env] = self._flattener.flatten(infos["final_obs"][env])
         return self.observations(observations), rewards, terminations, truncations, infos
 
 
-def leaves(tree: Any) -> dict[str, Any]:
-    """What hangs below a nested dictionary, or `Dict` space, by its own key.
+def _observe_points(env: Any, kind: type[Any], space: str, make_observer: MakeObserver) -> None:
+    """Have the environment at the core, of this kind, observe in another way.
+
+    Raises:
+        ConfigError: its observations do not reach `env` unchanged in the attribute `space`, or are no full clouds.
+    """
+    base = env.unwrapped
+    mode = getattr(base, "obs_mode", None)
+    if not isinstance(base, kind) or mode != "pointcloud":
+        raise ConfigError(
+            f"down-sampling needs a {kind.__name__} with obs_mode='pointcloud', not {shown(mode)} of {env}"
+        )
+    if getattr(env, space) is not getattr(base, space):
+        raise ConfigError(f"apply down-sampling before the wrappers that change observations, not to {env}")
+    if getattr(base, space) != PointCloudObserver(base.task).space:
+        raise ConfigError(f"{env} is down-sampled already")
+    base.observe_with(make_observer)
+
+
+class _Flattener:
+    """Takes nested observations to one level of keys; see `FlattenDict`.
+
+    Args:
+        env: for messages.
+        space: of one environment's observations.
+
+    Attributes:
+        space: of one environment's flat observations.
+    """
+
+    def __init__(self, env: Any, space: gym.Space[Any]) -> None:
+        if not isinstance(space, gym.spaces.Dict):
+            raise ConfigError(f"flattening needs observations in a dictionary; {env} has {space}")
+        self._shapes: dict[str, tuple[int, ...]] = {}
+        boxes: dict[str, gym.Space[Any]] = {}
+        for key, box in _leaves(space).items():
+            is_image = box.dtype == np.uint8 and len(box.shape) == 3
+            self._shapes[key] = shape = box.shape if is_image else (math.prod(box.shape),)
+            boxes[key] = gym.spaces.Box(box.low.reshape(shape), box.high.reshape(shape), dtype=box.dtype.type)
+        self.space = gym.spaces.Dict(boxes)
+
+    def flatten(self, observations: dict[str, Any], *batch: int) -> dict[str, np.ndarray]:
+        """Return observations, or a batch of them, with one level of keys."""
+        return {key: leaf.reshape(*batch, *self._shapes[key]) for key, leaf in _leaves(observations).items()}
+
+
+def _leaves(tree: Any) -> dict[str, Any]:
+    """Return what hangs below a nested dictionary, or `Dict` space, by its own key.
 
     Raises:
         ConfigError: a key occurs twice.
     """
     found: dict[str, Any] = {}
     for key, value in tree.items():
-        below = leaves(value) if isinstance(value, dict | gym.spaces.Dict) else {key: value}
+        below = _leaves(value) if isinstance(value, dict | gym.spaces.Dict) else {key: value}
         twice = found.keys() & below.keys()
         if twice:
             raise ConfigError(f"the key {min(twice)!r} occurs twice in {list(tree)}")
         found |= below
     return found
-
-
-def flat_shape(space: gym.spaces.Box) -> tuple[int, ...]:
-    """Its own for an image, else that of a vector."""
-    is_image = space.dtype == np.uint8 and len(space.shape) == 3
-    return space.shape if is_image else (math.prod(space.shape),)
-
-
-def flat_space(space: gym.spaces.Box) -> gym.spaces.Box:
-    """The space of `flat_shape`."""
-    shape = flat_shape(space)
-    return gym.spaces.Box(space.low.reshape(shape), space.high.reshape(shape), dtype=space.dtype.type)
-
-
-def _manipulation_env(env: gym.Env[Any, Any]) -> ManipulationEnv:
-    """The environment at the core, if its observations reach `env` unchanged and are full clouds."""
-    base = env.unwrapped
-    mode = getattr(base, "obs_mode", None)
-    if not isinstance(base, ManipulationEnv) or mode != "pointcloud":
-        raise ConfigError(
-            f"down-sampling needs an environment with obs_mode='pointcloud', not {shown(mode)} of {env}"
-        )
-    if env.observation_space is not base.observation_space:
-        raise ConfigError(f"apply down-sampling before the wrappers that change observations, not to {env}")
-    if base.observation_space != PointCloudObserver(base.task).space:
-        raise ConfigError(f"{env} is down-sampled already")
-    return base
