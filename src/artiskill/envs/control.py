@@ -23,7 +23,7 @@ CONTROL_MODES: tuple[str, ...] = (JOINT, OPERATIONAL)
 
 
 class Control:
-    """Actions in [-1, 1] to drive targets and back, in one of `CONTROL_MODES`; both ways clip to what is legal.
+    """Converts actions in [-1, 1] to drive targets and back, in one of `CONTROL_MODES`; both ways clip.
 
     Both modes have as many numbers: base x, y, yaw and lift, then nine per arm. In `joint` these are seven joint
     velocities and two finger positions; in `operational_space` the hand's twist in its own frame (linear, then
@@ -55,7 +55,7 @@ class Control:
         return gym.spaces.Box(-1.0, 1.0, (self.size,), np.float32)
 
     def to_targets(self, actions: np.ndarray, snapshot: Snapshot) -> np.ndarray:
-        """Drive targets of actions, (B, A) -> (B, A), which are clipped to what the drives are asked at most."""
+        """Return drive targets of actions, (B, A) -> (B, A), clipped to the range of `joint_scale`."""
         values = self.scale.to_targets(actions)
         if self._space is None:
             return values
@@ -64,14 +64,14 @@ class Control:
         return clip(joint, scale.center - scale.half_range, scale.center + scale.half_range)
 
     def of_joint_action(self, action: np.ndarray, snapshot: Snapshot) -> np.ndarray:
-        """The action (A,) of this mode that asks for what a `joint` action (R,) does; the instant has B = 1."""
+        """Return the action (A,) of this mode with the drive targets of a `joint` action (R,); B = 1."""
         if self._space is None:
             return action
         actions: np.ndarray = self.to_actions(self.joint_scale.to_targets(action[None]), snapshot)
         return actions[0]
 
     def to_actions(self, targets: np.ndarray, snapshot: Snapshot) -> np.ndarray:
-        """The actions that ask for drive targets, (B, A) -> (B, A), clipped to [-1, 1]."""
+        """Return the actions that give drive targets, (B, A) -> (B, A), clipped to [-1, 1]."""
         if self._space is not None:
             targets = self._space.to_operational(targets, jacobians(snapshot))
         return self.scale.to_actions(targets)
@@ -92,16 +92,16 @@ class ActionScale:
     half_range: np.ndarray
 
     def to_targets(self, actions: np.ndarray) -> np.ndarray:
-        """Drive targets of actions, which are clipped to [-1, 1]. (..., R) -> (..., R)."""
+        """Return drive targets of actions, which are clipped to [-1, 1]. (..., R) -> (..., R)."""
         return self.center + self.half_range * clip(actions, -1.0, 1.0)
 
     def to_actions(self, targets: np.ndarray) -> np.ndarray:
-        """Actions of drive targets, clipped to [-1, 1]. (..., R) -> (..., R)."""
+        """Return actions of drive targets, clipped to [-1, 1]. (..., R) -> (..., R)."""
         return clip((targets - self.center) / self.half_range, -1.0, 1.0)
 
 
 def action_scale(config: RobotConfig) -> ActionScale:
-    """The map of a robot, in the order of `RobotPart.joints`."""
+    """Return the map of a robot, in the order of `RobotPart.joints`."""
     actions, (lower, upper) = config.actions, load_arm(config.arm).finger.range_m
     trunk = [actions.base_velocity_m_s] * 2 + [actions.yaw_rate_rad_s, actions.lift_velocity_m_s]
     arm = [actions.arm_velocity_rad_s] * len(config.initial.arm_qpos_rad) + [(upper - lower) / 2] * 2
@@ -119,7 +119,7 @@ def _operational_scale(robot: RobotConfig, joint: ActionScale) -> ActionScale:
 
 
 def jacobians(snapshot: Snapshot) -> np.ndarray:
-    """`hand_jacobians` of an instant, (B, A, 6, 7)."""
+    """Return the `hand_jacobians` of a snapshot, (B, A, 6, 7)."""
     return hand_jacobians(
         snapshot.robot_joint_anchor_w,
         snapshot.robot_joint_axis_w,
@@ -129,7 +129,7 @@ def jacobians(snapshot: Snapshot) -> np.ndarray:
 
 
 def check_action(action: object, size: int) -> np.ndarray:
-    """An action as a float64 array.
+    """Return an action as a float64 array.
 
     Raises:
         ActionError: it is not `size` finite numbers.
@@ -144,7 +144,7 @@ def check_action(action: object, size: int) -> np.ndarray:
 
 
 def check_actions(actions: object, num_envs: int, size: int) -> np.ndarray:
-    """Actions of a vector of environments as a float64 array.
+    """Return actions of a vector of environments as a float64 array.
 
     Raises:
         ActionError: they are not `num_envs` rows of `size` finite numbers.

@@ -58,13 +58,13 @@ class ManipulationEnv(EnvBase, gym.Env[Any, np.ndarray]):
 
     ## Episodes
 
-    A *level* is the integer that fixes everything about an episode. `reset(seed=s)` starts level s; `reset()`
+    A *level* is the integer that determines everything about an episode. `reset(seed=s)` starts level s; `reset()`
     draws the next level; `reset(options={"level": ..., "object": ..., "target": ...})` is explicit. An episode
     is `terminated` when the task is solved and `truncated` after `task.episode_steps` steps.
 
     `info` has `object`, `level`, `target`, `success`, `flags` (condition -> has it held for half a second by now)
     and `reward_terms`; in visual modes also `cameras`, their intrinsics and extrinsics. To branch an episode use
-    `save_state`, which pickles. `copy.deepcopy` and `pickle` make another environment at the same instant.
+    `save_state`, which pickles. `copy.deepcopy` and `pickle` make another environment in the same state.
 
     Args:
         task: name of the task.

@@ -26,8 +26,7 @@ HUMAN = "human"
 RENDER_MODES: tuple[str, ...] = (*VECTOR_RENDER_MODES, HUMAN)
 MAX_ENVS = 65_536  # each takes about 1 MB
 RESET_OPTIONS = ("level", "object", "target", "reset_mask")
-_MODES = {mode.name.lower(): mode for mode in AutoresetMode}
-_VALUES = tuple(mode.value for mode in AutoresetMode)
+_AUTORESET_MODES = {mode.name.lower(): mode for mode in AutoresetMode}
 
 
 def check_modes(
@@ -42,7 +41,7 @@ def check_modes(
 
 
 def checked_options(given: object, legal: tuple[str, ...]) -> dict[str, Any]:
-    """The options of a `reset`, as a dictionary of the caller's own.
+    """Return the options of a `reset` as a new dictionary.
 
     Raises:
         ConfigError: they are no mapping.
@@ -58,21 +57,21 @@ def checked_options(given: object, legal: tuple[str, ...]) -> dict[str, Any]:
 
 
 def as_autoreset_mode(given: AutoresetMode | str) -> AutoresetMode:
-    """Gymnasium's mode by itself, by its name, such as `same_step`, or by its value, such as `SameStep`.
+    """Return Gymnasium's mode, given as itself, by its name (`same_step`) or by its value (`SameStep`).
 
     Raises:
         UnknownNameError: no such mode.
     """
     if isinstance(given, AutoresetMode):
         return given
-    if isinstance(given, str) and given in _VALUES:
+    if isinstance(given, str) and given in [mode.value for mode in AutoresetMode]:
         return AutoresetMode(given)
-    check_name("autoreset mode", given, tuple(_MODES))
-    return _MODES[given]
+    check_name("autoreset mode", given, tuple(_AUTORESET_MODES))
+    return _AUTORESET_MODES[given]
 
 
 def per_env(what: str, given: Any, num_envs: int) -> list[Any]:
-    """One value for each environment: a sequence of them, or the same for all.
+    """Return one value for each environment, from a sequence of them or from one for all.
 
     Raises:
         ConfigError: a sequence of another length.
@@ -92,7 +91,7 @@ def _unwrapped(given: Any) -> Any:
 
 
 def reset_mask(options: Mapping[str, Any], num_envs: int) -> np.ndarray:
-    """(B,) bool, which environments a reset is about.
+    """Return which environments a reset is about, (B,) bool.
 
     Raises:
         ConfigError: a mask that is no array of B booleans, or has none set.
@@ -108,7 +107,7 @@ def reset_mask(options: Mapping[str, Any], num_envs: int) -> np.ndarray:
 
 
 def reset_seeds(seed: Any, num_envs: int) -> list[int | None]:
-    """Each environment's seed: the given ones, or `seed`, `seed + 1`, ... of a single number.
+    """Return each environment's seed: the given ones, or `seed`, `seed + 1`, ... of a single number.
 
     Raises:
         ConfigError: a seed that is no level, or a list of another length.
@@ -122,7 +121,7 @@ def reset_seeds(seed: Any, num_envs: int) -> list[int | None]:
 
 
 def env_number(given: Any, num_envs: int) -> int:
-    """Which environment.
+    """Return the number of an environment.
 
     Raises:
         ConfigError: there is none of this number.
@@ -133,33 +132,28 @@ def env_number(given: Any, num_envs: int) -> int:
     return int(given)
 
 
-def at_least_one(name: str, value: Any) -> int:
-    """A count.
-
-    Raises:
-        ConfigError: no whole number, or less than 1.
-    """
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise ConfigError(f"{name} must be a whole number of at least 1, not {shown(value)}")
-    return int(value)
-
-
 def env_count(given: Any) -> int:
-    """A number of environments.
+    """Return a number of environments.
 
     Raises:
-        ConfigError: as `at_least_one`, or more than memory could hold.
+        ConfigError: no whole number, less than 1, or more than memory could hold.
     """
-    count = at_least_one("num_envs", given)
+    count = _at_least_one("num_envs", given)
     if count > MAX_ENVS:
         raise ConfigError(f"num_envs must be at most {MAX_ENVS}, not {shown(count)}")
     return count
 
 
 def thread_count(given: Any, num_envs: int) -> int:
-    """As many threads as were asked for, else as there are cores, but no more than environments.
+    """Return the number of threads: the given one, or the number of cores; at most one per environment.
 
     Raises:
-        ConfigError: as `at_least_one`.
+        ConfigError: no whole number, or less than 1.
     """
-    return min(available_cores() if given is None else at_least_one("num_threads", given), num_envs)
+    return min(available_cores() if given is None else _at_least_one("num_threads", given), num_envs)
+
+
+def _at_least_one(name: str, value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise ConfigError(f"{name} must be a whole number of at least 1, not {shown(value)}")
+    return int(value)

@@ -43,7 +43,7 @@ class Viewpoint:
     target_w: tuple[float, float, float] | None = None
 
     def camera(self, home: WorldCameraConfig, width: int = WIDTH, height: int = HEIGHT) -> Camera:
-        """The camera; `home` is the usual one.
+        """Return the camera; `home` is the usual one.
 
         Raises:
             ConfigError: a value out of range or not finite.
@@ -83,13 +83,13 @@ class WorldView:
         self._camera = camera
 
     def draw(self, snapshot: Snapshot, row: int = 0) -> np.ndarray:
-        """One environment of a snapshot, (H, W, 3) uint8."""
+        """Return the picture of one environment of a snapshot, (H, W, 3) uint8."""
         return self.images(snapshot, ("rgb",), row).rgb[0]
 
     def images(
         self, snapshot: Snapshot, channels: tuple[str, ...], row: int = 0, camera: Camera | None = None
     ) -> Images:
-        """Channels of one environment's picture, see `sensors.images.CHANNELS`; (1, H, W, ...) each.
+        """Return channels of one environment's picture, see `sensors.images.CHANNELS`; (1, H, W, ...) each.
 
         Args:
             snapshot: the moment.
@@ -172,12 +172,12 @@ class Window:
 
 
 def render_modes_here(render_mode: str | None) -> list[str]:
-    """The modes that other environments could have here: `human` where a window can be seen.
+    """Return the modes that environments can have on this machine: `human` only with a display.
 
-    Gymnasium's `check_env` makes an environment of every mode that one tells of.
+    Gymnasium's `check_env` makes an environment of every mode that the metadata list.
 
     Args:
-        render_mode: of this environment, which is certainly one.
+        render_mode: of this environment, which has been made with it.
     """
     display = any(os.environ.get(name) for name in (*_DISPLAYS, *_DRIVERS))
     shown = render_mode == HUMAN or (display and find_spec("pygame") is not None)

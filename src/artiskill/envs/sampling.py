@@ -42,7 +42,7 @@ class EpisodeSampler:
     def draw(
         self, level: int, object_choice: Any = None, target: str | None = None
     ) -> tuple[ArticulatedObject, str]:
-        """Object and target link of a level; either may be given instead.
+        """Return object and target link of a level; either may be given instead.
 
         Raises:
             UnknownNameError: an unknown object or target link.
@@ -66,21 +66,21 @@ class EpisodeSampler:
         return tuple(self._known.values())
 
     def remember(self, obj: ArticulatedObject) -> None:
-        """An object that its id may not lead to: saved states name it."""
+        """Keep an object that its id may not lead to: saved states name it."""
         self._known.pop(obj.id, None)
         self._known[obj.id] = obj
         if len(self._known) > _KNOWN:
             del self._known[next(iter(self._known))]
 
     def find(self, given: str | ArticulatedObject) -> ArticulatedObject:
-        """An object by its id or as itself; ids of the last objects that were handed in are known too."""
+        """Return an object by its id or as itself; ids of the last objects that were handed in are known too."""
         if isinstance(given, str):
             handed_in = {c.id: c for c in self.choices if isinstance(c, ArticulatedObject)}
             given = handed_in.get(given) or self._known.get(given) or given
         return _load(given)
 
     def check_target(self, obj: ArticulatedObject, target: str | None) -> tuple[str, ...]:
-        """The object's legal targets, after seeing that it has any, and `target`, where given, among them.
+        """Return the object's legal targets; check that it has any and, if `target` is given, that it is one.
 
         Raises:
             UnknownNameError: no such target.

@@ -1,4 +1,4 @@
-"""A vector environment as Stable-Baselines3 wants one; its extra is `rl`."""
+"""A vector environment for Stable-Baselines3; its extra is `rl`."""
 
 from functools import cache
 from typing import Any
@@ -16,13 +16,13 @@ VectorEnv = gym.vector.VectorEnv[Any, Any, Any]
 
 
 def as_sb3(env: VectorEnv) -> Any:
-    """A `stable_baselines3.common.vec_env.VecEnv` over a vector environment.
+    """Return a `stable_baselines3.common.vec_env.VecEnv` over a vector environment.
 
     The library keeps observations while it steps on: those of an environment that was made with `copy=False` are
     copied.
 
     In the step that ends an episode, the environment's info has `terminal_observation`, `TimeLimit.truncated`, and
-    what our infos say of that instant: `object`, `level`, `target`, `success`, `flags`. Else infos are empty:
+    what our infos say of that step: `object`, `level`, `target`, `success`, `flags`. Else infos are empty:
     building B dictionaries a step would take longer than the rest of what is not physics.
 
     Args:
@@ -44,7 +44,7 @@ def as_sb3(env: VectorEnv) -> Any:
 
 @cache
 def _adapter_class() -> Any:
-    """`_Adapter` with the library's base class: the library is optional."""
+    """Return `_Adapter` with the library's base class: the library is optional."""
     try:
         from stable_baselines3.common.vec_env import VecEnv  # type: ignore[import-not-found, unused-ignore]
     except ImportError as error:
@@ -86,10 +86,10 @@ class _Adapter:
     def step_wait(self) -> tuple[Any, np.ndarray, np.ndarray, list[dict[str, Any]]]:
         observations, rewards, terminated, truncated, infos = self._env.step(self._actions)
         done = terminated | truncated
-        told: list[dict[str, Any]] = [{} for _ in done]
+        found: list[dict[str, Any]] = [{} for _ in done]
         for i in np.flatnonzero(done).tolist():
-            told[i] = _last_info(infos, i) | {"TimeLimit.truncated": bool(truncated[i] and not terminated[i])}
-        return self._kept(observations), rewards.astype(np.float32), done, told
+            found[i] = _last_info(infos, i) | {"TimeLimit.truncated": bool(truncated[i] and not terminated[i])}
+        return self._kept(observations), rewards.astype(np.float32), done, found
 
     def close(self) -> None:
         self._env.close()
@@ -116,13 +116,13 @@ class _Adapter:
 
 
 def _by_name(options: list[dict[str, Any]]) -> dict[str, list[Any]] | None:
-    """Options by environment -> options with a list of values."""
+    """Return options with a list of values, from a list of options."""
     names = dict.fromkeys(name for one in options for name in one)
     return {name: [one.get(name) for one in options] for name in names} or None
 
 
 def _last_info(infos: dict[str, Any], env: int) -> dict[str, Any]:
-    """What the infos of a step say of the last instant of an episode."""
+    """Return what the infos of a step say of the last step of an episode."""
     final = infos["final_info"]
     success = bool(final["success"][env])
     return {

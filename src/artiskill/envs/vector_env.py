@@ -342,7 +342,7 @@ class ObjectArray(np.ndarray):
 
 
 def _register_conversion() -> None:
-    """Have Gymnasium's `ArrayConversion` (`NumpyToTorch`, ...), which takes numbers only, look inside."""
+    """Register a conversion for Gymnasium's `ArrayConversion` (`NumpyToTorch`, ...), which takes numbers only."""
     try:
         from gymnasium.wrappers.array_conversion import array_conversion
     except ImportError:  # Gymnasium before 1.2 has other wrappers
@@ -361,7 +361,7 @@ _register_conversion()
 
 
 def with_masks(values: Mapping[str, Any], mask: np.ndarray) -> dict[str, Any]:
-    """Arrays (B, ...) and nested mappings of them, each key `k` with `_k`, the (B,) mask, beside it."""
+    """Return arrays (B, ...) and nested mappings of them with the (B,) mask `_k` beside each key `k`."""
     out: dict[str, Any] = {}
     for key, value in values.items():
         if isinstance(value, Mapping):
@@ -373,7 +373,7 @@ def with_masks(values: Mapping[str, Any], mask: np.ndarray) -> dict[str, Any]:
 
 
 def only(values: Mapping[str, Any], mask: np.ndarray) -> dict[str, Any]:
-    """Copies of the arrays, zero (None for objects) outside the mask."""
+    """Return copies of the arrays, zero (None for objects) outside the mask."""
     out: dict[str, Any] = {}
     for key, value in values.items():
         if isinstance(value, Mapping):
@@ -386,7 +386,7 @@ def only(values: Mapping[str, Any], mask: np.ndarray) -> dict[str, Any]:
 
 
 def stacked(infos: Mapping[int, Mapping[str, Any]], num_envs: int) -> dict[str, Any]:
-    """Per-environment mappings of arrays as arrays (B, ...), zero where an environment has none."""
+    """Return mappings of each environment as arrays (B, ...), zero where an environment has none."""
     out: dict[str, Any] = {}
     for env, info in infos.items():
         _write(info, env, num_envs, out)

@@ -1,6 +1,6 @@
-"""The modes `rgbd` and `pointcloud`: what the cameras on the robot's base see, and what the robot feels of itself.
+"""The modes `rgbd` and `pointcloud`: what the cameras on the robot's base see, and the robot's own state.
 
-Neither says anything about the object but by its pixels and masks.
+The object shows in its pixels and masks only.
 """
 
 import math
@@ -32,13 +32,13 @@ _BASE_REACH_M = 20.0  # bound of the base's place, as in the robot's part of the
 
 @lru_cache(maxsize=_RENDERERS)
 def _renderer(scene: Scene, config: RenderConfig) -> Renderer:
-    """A scene's renderer, remembered."""
+    """Return a scene's renderer; the last ones are kept."""
     visuals = [BodyVisual(body, visual) for body, visual in scene.visuals]
     return Renderer(visuals, config)
 
 
 class CameraRig:
-    """The cameras, masks and own body of a task's robot; what both visual modes share."""
+    """The cameras, masks and proprioception of a task's robot; what both visual modes share."""
 
     def __init__(self, task: Task) -> None:
         """Compute what does not depend on the scene."""
@@ -57,7 +57,7 @@ class CameraRig:
         self.codes = mask_codes(self.task.masks(scene, target))
 
     def render(self, context: ObservationContext) -> tuple[Sight | PictureSight, Rays, dict[str, Any]]:
-        """What all cameras see, their rays, and `info["cameras"]`; valid until the calling thread's next look."""
+        """Return what all cameras see, their rays, and `info["cameras"]`; valid until this thread's next call."""
         assert self._scene is not None, "an observer is entered before it observes"
         snapshot, row = context.snapshot, context.row
         base = snapshot.robot_qpos[row, :3].tolist()
@@ -71,7 +71,7 @@ class CameraRig:
         return sight, rays, {"cameras": self.panorama.parameters(rays)}
 
     def proprioception(self, context: ObservationContext, out: np.ndarray) -> None:
-        """The robot's part of the state, (38,) or (68,) float32."""
+        """Write the robot's part of the state, (38,) or (68,) float32."""
         values = observe_robot(context.snapshot, context.row)[0]
         np.minimum(np.maximum(values, -self._upper), self._upper, out=out)
 
@@ -101,12 +101,12 @@ class RgbdObserver:
         self._rig.enter(scene, target)
 
     def observe(self, context: ObservationContext, out: dict[str, Any]) -> dict[str, Any]:
-        """See the class."""
-        sight, _, info = self._rig.render(context)
+        """Write the images and the robot's part of the state."""
+        buffers, _, info = self._rig.render(context)
         number, height, width = self._rig.shape
         rgb = out["rgbd"]["rgb"].reshape(height, width, number, 3)
         seg = out["rgbd"]["seg"].reshape(height, width, number, self._rig.masks)
-        sight.channels(self._rig.codes, rgb, out["rgbd"]["depth"], seg)
+        buffers.channels(self._rig.codes, rgb, out["rgbd"]["depth"], seg)
         self._rig.proprioception(context, out["agent"])
         return info
 
@@ -153,40 +153,29 @@ class PointCloudObserver:
         self._rig.enter(scene, target)
 
     def observe(self, context: ObservationContext, out: dict[str, Any]) -> dict[str, Any]:
-        """See the class."""
+        """Write the cloud and the robot's part of the state."""
         cloud = out["pointcloud"]
         self._rig.proprioception(context, out["agent"])
+        buffers, rays, info = self._rig.render(context)
         if self.sampler is None:
-            return self._all(context, cloud)
-        return self._sampled(context, self.sampler, cloud)
-
-    def _all(self, context: ObservationContext, cloud: dict[str, np.ndarray]) -> dict[str, Any]:
-        shape = self._rig.shape
-        sight, rays, info = self._rig.render(context)
-        parts = (cloud[name].reshape(*shape, -1) for name in ("xyz", "rgb", "seg"))
-        sight.cloud(self._rig.codes, rays, *parts)
-        return info
-
-    def _sampled(
-        self, context: ObservationContext, sampler: Sampler, cloud: dict[str, np.ndarray]
-    ) -> dict[str, Any]:
-        """The sampler's choice of pixels; only those become points."""
-        sight, rays, info = self._rig.render(context)
-        pixel_codes = sight.classified(self._rig.codes, rays)
+            parts = (cloud[name].reshape(*self._rig.shape, -1) for name in ("xyz", "rgb", "seg"))
+            buffers.cloud(self._rig.codes, rays, *parts)
+            return info
+        pixel_codes = buffers.classified(self._rig.codes, rays)
         generator = level_generator(context.level, RngStream.POINTS, context.elapsed)
-        chosen = sampler.choose(pixel_codes, lambda pixels: sight.positions(pixels, rays), generator)
-        found = len(chosen)
+        chosen = self.sampler.choose(pixel_codes, lambda pixels: buffers.positions(pixels, rays), generator)
+        found = len(chosen)  # only these pixels become points
         for part in cloud.values():
             part[found:] = 0
         xyz = cloud["xyz"]
-        sight.points(chosen, rays, pixel_codes, xyz[:found], cloud["rgb"][:found], cloud["seg"][:found])
+        buffers.points(chosen, rays, pixel_codes, xyz[:found], cloud["rgb"][:found], cloud["seg"][:found])
         if self._frame != "world":
             move_to_frame(xyz[:found], *_frame_pose(self._frame, context))
         return info
 
 
 def sampled_points(task: Task, method: str, num_points: int, frame: str, **settings: Any) -> PointCloudObserver:
-    """A `PointCloudObserver` of fewer points, from what names its sampler.
+    """Return a `PointCloudObserver` of fewer points, from what names its sampler.
 
     Raises:
         UnknownNameError: no such method or frame.
@@ -196,7 +185,7 @@ def sampled_points(task: Task, method: str, num_points: int, frame: str, **setti
 
 
 def _frame_pose(frame: str, context: ObservationContext) -> tuple[np.ndarray, np.ndarray]:
-    """Origin (3,) and axes as columns (3, 3), in the world."""
+    """Return the origin (3,) and the axes as columns (3, 3) of a frame, in the world."""
     snapshot, row = context.snapshot, context.row
     if frame == "end_effector":
         return snapshot.tool_position_w[row, 0], np.ascontiguousarray(snapshot.tool_rotation_w[row, 0])

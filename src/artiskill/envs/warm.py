@@ -19,15 +19,15 @@ _QUALITIES: tuple[dict[str, Any], ...] = ({}, {"render.quality": "picture"})
 
 
 def warm_scenes(task: str, objects: ObjectChoice = "train", config: Mapping[str, Any] | None = None) -> int:
-    """Build objects and scenes of a task and keep them: no reset of this process has to wait for one.
+    """Build the objects and scenes of a task and keep them, so that no reset of this process has to.
 
     All environments of a process share them, and so do processes that are forked from it. A split of cabinets
     takes about a second.
 
     Args:
         task: name of the task.
-        objects: as of an environment.
-        config: likewise.
+        objects: as for an environment.
+        config: as for an environment.
 
     Returns:
         How many scenes were built: no more than are kept (`scene.scene.CAPACITY`).
@@ -45,7 +45,7 @@ def warm_scenes(task: str, objects: ObjectChoice = "train", config: Mapping[str,
 
 
 def first_uses() -> list[Callable[[], None]]:
-    """List calls that together make the first use of every kernel: after them, no environment compiles anything.
+    """Return calls that together compile every kernel that environments use.
 
     Each makes an environment and takes a step: what is compiled depends on the arrays that a kernel is given.
     """

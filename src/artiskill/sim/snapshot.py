@@ -1,4 +1,4 @@
-"""`Snapshot`: what is true at one instant, for a batch of environments, as plain arrays.
+"""`Snapshot`: the values of one step, for a batch of environments, as plain arrays.
 
 Observations, rewards and success conditions are functions of a snapshot, never of an environment. The poses of
 one step ago are part of it, so that asking twice answers the same.
@@ -70,7 +70,7 @@ class Snapshot:
     body_quaternion_w: Array
 
     def row(self, env: int) -> "Snapshot":
-        """One environment's, B = 1; its arrays are views."""
+        """Return one environment's snapshot, B = 1; its arrays are views."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         return Snapshot(**{k: v if k == "step_s" else v[env : env + 1] for k, v in values.items()})
 
