@@ -19,7 +19,7 @@ from artiskill.demos.demos import Demos
 from artiskill.demos.file_format import TargetCount
 from artiskill.demos.verify import verify
 from artiskill.files import atomic_write
-from artiskill.gallery.tables import markdown
+from artiskill.gallery.facts import markdown
 from artiskill.jobs.parallel import available_cores
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "experts.md"

@@ -6,13 +6,21 @@ With `--check` it changes nothing and fails if the page's tables are not those o
 import sys
 from pathlib import Path
 
+import numpy as np
+
 from artiskill.assets.articulated_object import CATEGORIES
 from artiskill.assets.catalog import SPLITS, list_objects, load_object
 from artiskill.assets.similarity import Descriptor, describe, nearest_neighbour
-from artiskill.gallery.charts import category_chart
-from artiskill.gallery.facts import ObjectFacts, object_facts
-from artiskill.gallery.statistics import by_split, median, told_kinds
-from artiskill.gallery.tables import kinds_table, markdown, split_table
+from artiskill.gallery.facts import (
+    ObjectFacts,
+    by_split,
+    kinds_table,
+    markdown,
+    object_facts,
+    present_kinds,
+    split_table,
+)
+from artiskill.gallery.gallery import category_chart
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE, IMAGES = DOCS / "objects.md", DOCS / "images"
@@ -58,7 +66,7 @@ def section(category: str, facts: list[ObjectFacts]) -> str:
     """Heading, table, picture and lists of one category."""
     pieces = [f"### {category.capitalize()}s", split_table(facts)]
     pieces.append(f"![Distributions of the {category}s' sizes, masses, joints and handles]({image(category)})")
-    pieces += [kinds_table(facts, title) for title in told_kinds(facts)]
+    pieces += [kinds_table(facts, title) for title in present_kinds(facts)]
     return "\n\n".join([*pieces, neighbours_table(facts)])
 
 
@@ -76,7 +84,7 @@ def neighbours_table(facts: list[ObjectFacts]) -> str:
 def _distances(members: list[Descriptor], others: list[Descriptor]) -> str:
     found = [nearest_neighbour(one, others) for one in members]
     distances = [1e3 * neighbour.distance_m for neighbour in found if neighbour is not None]
-    return f"{min(distances):.1f}, median {median(distances):.1f}"
+    return f"{min(distances):.1f}, median {np.median(distances):.1f}"
 
 
 def image(category: str) -> str:

@@ -13,8 +13,8 @@ from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object
 from artiskill.errors import ConfigError
 from artiskill.gallery import gallery as gallery_module
-from artiskill.gallery.config import GalleryConfig, load_gallery_config
 from artiskill.gallery.gallery import make_gallery
+from artiskill.gallery.pictures import GalleryConfig, load_gallery_config
 
 NAMES = ("cabinet-0002", "generated-bucket-3")
 
