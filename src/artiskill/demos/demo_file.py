@@ -36,21 +36,13 @@ AnyEnv = ManipulationEnv | gym.Env[Any, Any]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Trajectory:
-    """One episode of T steps.
+    """One episode of T steps."""
 
-    Attributes:
-        header: of its file.
-        name: as errors call it.
-        target: link.
-        level: of the episode.
-        recording: actions, whether they were disturbed, rewards, flags, digests, states and key frames.
-    """
-
-    header: Header
-    name: str
-    target: str
-    level: int
-    recording: Recording
+    header: Header  # of its file
+    name: str  # as errors call it
+    target: str  # link
+    level: int  # of the episode
+    recording: Recording  # actions, whether they were disturbed, rewards, flags, digests, states and key frames
 
     def __repr__(self) -> str:
         """Return one line."""

@@ -122,42 +122,25 @@ class RecordedActions:
 
 @dataclass(frozen=True, eq=False)
 class DemoAttempt:
-    """What came of one episode.
+    """What came of one episode."""
 
-    Attributes:
-        object: id.
-        target: link.
-        level: of the episode.
-        success: whether it was solved.
-        steps: how many it took.
-        fault: what ended the episode before its end, as `fault_text` says it; else empty.
-        recording: None of a failed attempt, unless failures are kept.
-    """
-
-    object: str
-    target: str
-    level: int
-    success: bool
-    steps: int
-    fault: str
-    recording: Recording | None
+    object: str  # id
+    target: str  # link
+    level: int  # of the episode
+    success: bool  # whether it was solved
+    steps: int  # how many it took
+    fault: str  # what ended the episode before its end, as `fault_text` says it; else empty
+    recording: Recording | None  # None of a failed attempt, unless failures are kept
 
 
 @dataclass(frozen=True, eq=False)
 class CollectJob:
-    """Levels that one worker plays.
+    """Levels that one worker plays."""
 
-    Attributes:
-        settings: of the collection.
-        object: an id, or the object itself where no id leads to it.
-        target: link.
-        levels: of the episodes.
-    """
-
-    settings: Settings
-    object: str | ArticulatedObject
-    target: str
-    levels: tuple[int, ...]
+    settings: Settings  # of the collection
+    object: str | ArticulatedObject  # an id, or the object itself where no id leads to it
+    target: str  # link
+    levels: tuple[int, ...]  # of the episodes
 
     @property
     def label(self) -> str:

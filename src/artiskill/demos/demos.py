@@ -31,38 +31,24 @@ _LOGGER = logging.getLogger("artiskill.demos")
 
 @dataclass(frozen=True)
 class FileEntry:
-    """One file of a folder of demonstrations.
+    """One file of a folder of demonstrations."""
 
-    Attributes:
-        object: whose demonstrations it holds.
-        content_hash: of the object.
-        sha256: of the file.
-        bytes: of the file.
-        trajectories: that it holds.
-        targets: what came of each.
-    """
-
-    object: str
-    content_hash: str
-    sha256: str
-    bytes: int
-    trajectories: int
-    targets: tuple[TargetCount, ...]
+    object: str  # whose demonstrations it holds
+    content_hash: str  # of the object
+    sha256: str  # of the file
+    bytes: int  # of the file
+    trajectories: int  # that it holds
+    targets: tuple[TargetCount, ...]  # what came of each
 
 
 @dataclass(frozen=True)
 class FolderManifest:
-    """What a folder of any of our formats holds: a base class.
-
-    Attributes:
-        settings: of all its files.
-        files: by name.
-    """
+    """What a folder of any of our formats holds: a base class."""
 
     FORMAT: ClassVar[FileFormat]
 
-    settings: Any
-    files: dict[str, Any] = field(default_factory=dict)
+    settings: Any  # of all its files
+    files: dict[str, Any] = field(default_factory=dict)  # by name
 
     def with_file(self, name: str, entry: Any) -> Self:
         """Return the manifest with one more file; files are in the order of their names."""

@@ -135,21 +135,19 @@ def _description(settings: ReplaySettings) -> str:
 
 @dataclass(frozen=True)
 class DatasetFormat:
-    """A library's format of datasets.
+    """A library's format of datasets."""
 
-    Attributes:
-        library: its name.
-        legal_name: what the id of a dataset looks like.
-        example: an id.
-        default_name: of task, control mode and observation mode.
-        writer: opens a new dataset in a folder, with an id, and yields what adds an episode to it.
-    """
-
-    library: str
-    legal_name: re.Pattern[str]
-    example: str
-    default_name: str
+    library: str  # its name
+    legal_name: re.Pattern[str]  # what the id of a dataset looks like
+    example: str  # an id
+    default_name: str  # of task, control mode and observation mode
+    # opens a new dataset in a folder, with an id, and yields what adds an episode to it
     writer: Callable[[Path, TrainingFiles, str], AbstractContextManager[AddEpisode]]
+
+    def name_for(self, settings: ReplaySettings) -> str:
+        """Return the default id of a dataset."""
+        modes = {"control_mode": settings.control_mode, "obs_mode": settings.obs_mode}
+        return self.default_name.format(task=settings.source.task, **modes)
 
 
 DATASET_FORMATS = {
@@ -196,9 +194,8 @@ def export_dataset(
         MissingExtraError: what the format needs is not installed.
     """
     check_name("format", format, DATASET_FORMATS)
-    made, settings = DATASET_FORMATS[format], training.settings
-    modes = {"control_mode": settings.control_mode, "obs_mode": settings.obs_mode}
-    name = made.default_name.format(task=settings.source.task, **modes) if name is None else name
+    made = DATASET_FORMATS[format]
+    name = made.name_for(training.settings) if name is None else name
     if not made.legal_name.fullmatch(name):
         raise ConfigError(f"an id of {made.library} looks like {made.example}, not {shown(name)}")
     if not len(training):

@@ -31,23 +31,14 @@ _UNCOMPRESSED = ("digests",)
 
 @dataclass(frozen=True)
 class FileFormat:
-    """A format of files, and of the manifest of a folder of them.
+    """A format of files, and of the manifest of a folder of them."""
 
-    Attributes:
-        name: of the format.
-        version: of its schema.
-        holds: what its files hold, for errors.
-        command: that makes them.
-        readers: what opens a folder, and what opens a file.
-        advice: how a lost or damaged manifest is made anew, where that is possible.
-    """
-
-    name: str
-    version: int
-    holds: str
-    command: str
-    readers: tuple[str, str]
-    advice: str = ""
+    name: str  # of the format
+    version: int  # of its schema
+    holds: str  # what its files hold, for errors
+    command: str  # that makes them
+    readers: tuple[str, str]  # what opens a folder, and what opens a file
+    advice: str = ""  # how a lost or damaged manifest is made anew, where that is possible
 
     def check(self, name: object, version: object, path: Path) -> None:
         """Raise `DemoError` unless a file or manifest is of this format and version."""
@@ -83,49 +74,31 @@ TRAINING = FileFormat(
 
 @dataclass(frozen=True)
 class TargetCount:
-    """What came of one target.
+    """What came of one target."""
 
-    Attributes:
-        target: link.
-        wanted: successful trajectories.
-        successes: that there are.
-        attempts: that they took.
-        gave_up: whether fewer are there because too many attempts failed.
-        faults: what ended attempts before their end, `LinAlgError` say, and how many of them.
-    """
-
-    target: str
-    wanted: int
-    successes: int
-    attempts: int
-    gave_up: bool
+    target: str  # link
+    wanted: int  # successful trajectories
+    successes: int  # that there are
+    attempts: int  # that they took
+    gave_up: bool  # whether fewer are there because too many attempts failed
+    # what ended attempts before their end, `LinAlgError` say, and how many of them
     faults: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Header:
-    """All of a file but its attempts and trajectories.
+    """All of a file but its attempts and trajectories."""
 
-    Attributes:
-        object: id.
-        content_hash: of the object.
-        facts: name for `load_object`, category, joints in the order of `object_qpos`; in the catalogue also seed,
-            split and family.
-        settings: of the collection.
-        targets: what came of each.
-        flag_names: of the columns of `flags`.
-        state_columns: of `states`.
-        key_frame_columns: of `key_frames`.
-    """
-
-    object: str
-    content_hash: str
+    object: str  # id
+    content_hash: str  # of the object
+    # name for `load_object`, category, joints in the order of `object_qpos`; in the catalogue also seed, split and
+    # family
     facts: dict[str, Any]
-    settings: Settings
-    targets: tuple[TargetCount, ...]
-    flag_names: tuple[str, ...]
-    state_columns: Columns
-    key_frame_columns: Columns
+    settings: Settings  # of the collection
+    targets: tuple[TargetCount, ...]  # what came of each
+    flag_names: tuple[str, ...]  # of the columns of `flags`
+    state_columns: Columns  # of `states`
+    key_frame_columns: Columns  # of `key_frames`
 
     def to_attributes(self) -> dict[str, Any]:
         """Return the attributes of the file's root: texts, those of nested values JSON."""

@@ -29,21 +29,13 @@ Stats = dict[str, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """One column, or one video.
+    """One column, or one video."""
 
-    Attributes:
-        key: its name.
-        dtype: of its numbers; `video` for a video, `image` for pictures that are kept as they are.
-        shape: of a frame.
-        names: of its numbers, or of its axes.
-        read: a training file's trajectory -> (T or T + 1, ...).
-    """
-
-    key: str
-    dtype: str
-    shape: tuple[int, ...]
-    names: tuple[str, ...] | None
-    read: Callable[[Any], np.ndarray]
+    key: str  # its name
+    dtype: str  # of its numbers; `video` for a video, `image` for pictures that are kept as they are
+    shape: tuple[int, ...]  # of a frame
+    names: tuple[str, ...] | None  # of its numbers, or of its axes
+    read: Callable[[Any], np.ndarray]  # a training file's trajectory -> (T or T + 1, ...)
 
 
 def load_pyarrow() -> tuple[Any, Any]:

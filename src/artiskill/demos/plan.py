@@ -35,26 +35,17 @@ PER_OBJECT = 300  # as many as the paper has
 
 @dataclass(frozen=True, kw_only=True)
 class CollectionOptions:
-    """How an expert demonstrates, and how much; see `make_plan`.
+    """How an expert demonstrates, and how much; see `make_plan`."""
 
-    Attributes:
-        per_object: successful trajectories of each object, shared evenly by its targets; 300 unless this or
-            `per_target` is given.
-        per_target: successful trajectories of each target.
-        targets: only these links, in any order; every object must have one of them.
-        control_mode: of the stored actions.
-        first_level: of each object.
-        keep_failures: store failed attempts, too.
-        variety: let the expert's style differ from episode to episode, and disturb it now and then.
-    """
-
+    # successful trajectories of each object, shared evenly by its targets; 300 unless this or `per_target` is
+    # given
     per_object: int | None = None
-    per_target: int | None = None
-    targets: Sequence[str] | None = None
-    control_mode: str = JOINT
-    first_level: int = 0
-    keep_failures: bool = False
-    variety: bool = True
+    per_target: int | None = None  # successful trajectories of each target
+    targets: Sequence[str] | None = None  # only these links, in any order; every object must have one of them
+    control_mode: str = JOINT  # of the stored actions
+    first_level: int = 0  # of each object
+    keep_failures: bool = False  # store failed attempts, too
+    variety: bool = True  # let the expert's style differ from episode to episode, and disturb it now and then
 
     def __post_init__(self) -> None:
         if self.per_object is not None and self.per_target is not None:
@@ -82,24 +73,15 @@ class LevelQueue:
     of an object start from the same state. The first `wanted` successes in this order count, so that it does not
     matter which worker makes which attempt when. There are never more levels in progress than successes missing.
     So no attempt is in vain unless the target is given up, and every level before the last success is tried.
-
-    Attributes:
-        target: link.
-        first: its first level.
-        stride: between its levels.
-        wanted: successes.
-        patience: when the target is given up.
-        outcomes: level -> success, of those that were tried.
-        in_progress: levels that workers are trying.
     """
 
-    target: str
-    first: int
-    stride: int
-    wanted: int
-    patience: GiveUpConfig
-    outcomes: dict[int, bool] = field(default_factory=dict)
-    in_progress: set[int] = field(default_factory=set)
+    target: str  # link
+    first: int  # its first level
+    stride: int  # between its levels
+    wanted: int  # successes
+    patience: GiveUpConfig  # when the target is given up
+    outcomes: dict[int, bool] = field(default_factory=dict)  # level -> success, of those that were tried
+    in_progress: set[int] = field(default_factory=set)  # levels that workers are trying
 
     def level(self, number: int) -> int:
         """Return the level that is tried as the `number`-th, from 0."""
@@ -158,38 +140,23 @@ class LevelQueue:
 
 @dataclass(frozen=True, eq=False)
 class ObjectPlan:
-    """One object to demonstrate with.
+    """One object to demonstrate with."""
 
-    Attributes:
-        item: its id, or the object itself where no id leads to it.
-        id: of the object.
-        content_hash: of the object.
-        targets: all that the task can be done with; they decide which target has which levels.
-        chosen: those that are demonstrated, in the same order.
-    """
-
-    item: str | ArticulatedObject
-    id: str
-    content_hash: str
-    targets: tuple[str, ...]
-    chosen: tuple[str, ...]
+    item: str | ArticulatedObject  # its id, or the object itself where no id leads to it
+    id: str  # of the object
+    content_hash: str  # of the object
+    targets: tuple[str, ...]  # all that the task can be done with; they decide which target has which levels
+    chosen: tuple[str, ...]  # those that are demonstrated, in the same order
 
 
 @dataclass(frozen=True, eq=False)
 class CollectionPlan:
-    """A collection that is ready to run.
+    """A collection that is ready to run."""
 
-    Attributes:
-        settings: of all its files.
-        objects: to demonstrate with.
-        flag_names: of the task.
-        block_levels: attempts in one job of a worker.
-    """
-
-    settings: Settings
-    objects: tuple[ObjectPlan, ...]
-    flag_names: tuple[str, ...]
-    block_levels: int
+    settings: Settings  # of all its files
+    objects: tuple[ObjectPlan, ...]  # to demonstrate with
+    flag_names: tuple[str, ...]  # of the task
+    block_levels: int  # attempts in one job of a worker
 
     def wanted(self, one: ObjectPlan) -> int:
         """Return how many successful trajectories are wanted of an object."""

@@ -22,13 +22,9 @@ STREAKS = "streaks"  # the episode's own part of a key frame; all else is the si
 
 @dataclass(frozen=True)
 class Columns:
-    """Which columns of a matrix are which array, as a file's datasets store them.
+    """Which columns of a matrix are which array, as a file's datasets store them."""
 
-    Attributes:
-        parts: names and shapes, in order.
-    """
-
-    parts: tuple[tuple[str, tuple[int, ...]], ...] = ()
+    parts: tuple[tuple[str, tuple[int, ...]], ...] = ()  # names and shapes, in order
 
     @classmethod
     def of(cls, arrays: Mapping[str, np.ndarray]) -> "Columns":
@@ -70,29 +66,17 @@ def joined(arrays: Mapping[str, np.ndarray]) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """An episode of T steps as it is stored; A actions, F flags.
+    """An episode of T steps as it is stored; A actions, F flags."""
 
-    Attributes:
-        actions: (T, A) float32.
-        disturbed: (T,) bool, actions that are not what the expert wanted: they pushed it off its way.
-        rewards: (T,) float64, dense.
-        flags: (T, F) bool, which conditions have held long enough after each step.
-        digests: (T + 1,) uint64, `digest_of` the state before the first and after each step.
-        states: (T + 1, D) float32, rounded positions and velocities.
-        key_frames: (M, W) float64, exact states.
-        state_columns: which of the D are what.
-        key_frame_columns: which of the W are what.
-    """
-
-    actions: np.ndarray
-    disturbed: np.ndarray
-    rewards: np.ndarray
-    flags: np.ndarray
-    digests: np.ndarray
-    states: np.ndarray
-    key_frames: np.ndarray
-    state_columns: Columns
-    key_frame_columns: Columns
+    actions: np.ndarray  # (T, A) float32
+    disturbed: np.ndarray  # (T,) bool, actions that are not what the expert wanted: they pushed it off its way
+    rewards: np.ndarray  # (T,) float64, dense
+    flags: np.ndarray  # (T, F) bool, which conditions have held long enough after each step
+    digests: np.ndarray  # (T + 1,) uint64, `digest_of` the state before the first and after each step
+    states: np.ndarray  # (T + 1, D) float32, rounded positions and velocities
+    key_frames: np.ndarray  # (M, W) float64, exact states
+    state_columns: Columns  # which of the D are what
+    key_frame_columns: Columns  # which of the W are what
 
     @property
     def success(self) -> bool:

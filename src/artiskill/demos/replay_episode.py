@@ -30,45 +30,27 @@ _MET = 1e-4  # difference between asked and given drive targets that counts as n
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a trajectory.
+    """What came of a trajectory."""
 
-    Attributes:
-        source: its number in the file of demonstrations.
-        success: whether it is solved.
-        exact: whether it is the recorded one, bit for bit; a restored one only where all of its states are stored
-            exactly.
-        steps: that it has now.
-        clipped: actions that could not ask for the recorded drive targets.
-        kept: whether it is in the training file.
-        fault: what ended the episode before its end: a text; else empty.
-    """
-
-    source: int
-    success: bool
+    source: int  # its number in the file of demonstrations
+    success: bool  # whether it is solved
+    # whether it is the recorded one, bit for bit; a restored one only where all of its states are stored exactly
     exact: bool
-    steps: int
-    clipped: int
-    kept: bool = False
-    fault: str = ""
+    steps: int  # that it has now
+    clipped: int  # actions that could not ask for the recorded drive targets
+    kept: bool = False  # whether it is in the training file
+    fault: str = ""  # what ended the episode before its end: a text; else empty
 
 
 @dataclass(frozen=True)
 class OutcomeCounts:
-    """What came of many trajectories.
+    """What came of many trajectories."""
 
-    Attributes:
-        replayed: how many there were.
-        solved: of them.
-        exact: likewise.
-        steps: of all.
-        clipped: of these steps.
-    """
-
-    replayed: int
-    solved: int
-    exact: int
-    steps: int
-    clipped: int
+    replayed: int  # how many there were
+    solved: int  # of them
+    exact: int  # likewise
+    steps: int  # of all
+    clipped: int  # of these steps
 
     @classmethod
     def of(cls, outcomes: Sequence[Outcome]) -> "OutcomeCounts":

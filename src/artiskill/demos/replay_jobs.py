@@ -49,40 +49,24 @@ _OUTCOME_TYPE = np.dtype(
 
 @dataclass(frozen=True)
 class ReplayedTrajectory:
-    """What a worker reports of a trajectory.
+    """What a worker reports of a trajectory."""
 
-    Attributes:
-        frames: observations that it has.
-        success: whether it is solved.
-        fault: what ended the episode before its end, and which; else empty.
-    """
-
-    frames: int
-    success: bool
-    fault: str = ""
+    frames: int  # observations that it has
+    success: bool  # whether it is solved
+    fault: str = ""  # what ended the episode before its end, and which; else empty
 
 
 @dataclass(frozen=True, eq=False)
 class ReplayJob:
-    """Trajectories of one object for one worker.
+    """Trajectories of one object for one worker."""
 
-    Attributes:
-        settings: of the training files.
-        path: of the file of demonstrations.
-        source_sha256: of it.
-        object: whose they are.
-        given: the object, where no name leads to it.
-        numbers: of the trajectories.
-        part: where to write them; beside it, in `*.json`, what it was made from and its checksum.
-    """
-
-    settings: ReplaySettings
-    path: Path
-    source_sha256: str
-    object: str
-    given: ArticulatedObject | None
-    numbers: tuple[int, ...]
-    part: Path
+    settings: ReplaySettings  # of the training files
+    path: Path  # of the file of demonstrations
+    source_sha256: str  # of it
+    object: str  # whose they are
+    given: ArticulatedObject | None  # the object, where no name leads to it
+    numbers: tuple[int, ...]  # of the trajectories
+    part: Path  # where to write them; beside it, in `*.json`, what it was made from and its checksum
 
     @property
     def label(self) -> str:

@@ -27,15 +27,10 @@ _NAME_KEYS = ("name", "motion")
 
 @dataclass(frozen=True)
 class GiveUpConfig:
-    """When the collector gives up a target.
+    """When the collector gives up a target."""
 
-    Attributes:
-        attempts: never before this many attempts.
-        least_rate: from then on, as soon as the success rate is below this.
-    """
-
-    attempts: int
-    least_rate: float
+    attempts: int  # never before this many attempts
+    least_rate: float  # from then on, as soon as the success rate is below this
 
     def __post_init__(self) -> None:
         check_value(self, "attempts", self.attempts >= 1, "must be at least 1")
@@ -48,21 +43,13 @@ class GiveUpConfig:
 
 @dataclass(frozen=True)
 class StoreConfig:
-    """What is stored of a trajectory.
+    """What is stored of a trajectory."""
 
-    Attributes:
-        key_frame_steps: the engine's exact state is stored every so many steps, and at the end.
-        position_bits: positions of every step are rounded to multiples of 2**-position_bits (m or rad).
-        velocity_bits: velocities of every step are rounded likewise (m/s or rad/s).
-        action_bits: actions are rounded likewise before they are played.
-        compression: level of gzip.
-    """
-
-    key_frame_steps: int
-    position_bits: int
-    velocity_bits: int
-    action_bits: int
-    compression: int
+    key_frame_steps: int  # the engine's exact state is stored every so many steps, and at the end
+    position_bits: int  # positions of every step are rounded to multiples of 2**-position_bits (m or rad)
+    velocity_bits: int  # velocities of every step are rounded likewise (m/s or rad/s)
+    action_bits: int  # actions are rounded likewise before they are played
+    compression: int  # level of gzip
 
     def __post_init__(self) -> None:
         check_value(self, "key_frame_steps", self.key_frame_steps >= 1, "must be at least 1")
@@ -73,17 +60,11 @@ class StoreConfig:
 
 @dataclass(frozen=True)
 class DemosConfig:
-    """The values of `configs/demos.yaml`.
+    """The values of `configs/demos.yaml`."""
 
-    Attributes:
-        block_levels: attempts in one job of a worker; the result does not depend on it.
-        patience: when a target is given up.
-        store: what is stored of a trajectory.
-    """
-
-    block_levels: int
-    patience: GiveUpConfig
-    store: StoreConfig
+    block_levels: int  # attempts in one job of a worker; the result does not depend on it
+    patience: GiveUpConfig  # when a target is given up
+    store: StoreConfig  # what is stored of a trajectory
 
     def __post_init__(self) -> None:
         check_value(self, "block_levels", self.block_levels >= 1, "must be at least 1")
@@ -96,54 +77,31 @@ def load_demos_config(overrides: Mapping[str, Any] | None = None) -> DemosConfig
 
 @dataclass(frozen=True)
 class ExpertInfo:
-    """Who demonstrated.
+    """Who demonstrated."""
 
-    Attributes:
-        name: of its class.
-        kind: `controller`, for one that follows rules.
-        config_hash: of its configuration, its variation and its disturbance.
-    """
-
-    name: str
-    kind: str
-    config_hash: str
+    name: str  # of its class
+    kind: str  # `controller`, for one that follows rules
+    config_hash: str  # of its configuration, its variation and its disturbance
 
 
 @dataclass(frozen=True)
 class Settings:
-    """All that a collection's trajectories depend on besides the objects; equal settings give equal bits.
+    """All that a collection's trajectories depend on besides the objects; equal settings give equal bits."""
 
-    Attributes:
-        task: name of the task.
-        control_mode: of the actions.
-        per_object: successful trajectories wanted of each object; None where `per_target` is given.
-        per_target: successful trajectories wanted of each target; None where `per_object` is given.
-        first_level: of every object.
-        targets: only these links; None for all that the task can be done with.
-        keep_failures: whether failed attempts are stored, too.
-        variety: whether the expert's style differs from episode to episode, and it is disturbed now and then.
-        config: resolved configuration of the task.
-        config_hash: of the task's configuration and the robot's.
-        expert: who acted.
-        store: what is stored of a trajectory.
-        patience: when a target is given up.
-        versions: of the package, the engine and the numeric libraries.
-    """
-
-    task: str
-    control_mode: str
-    per_object: int | None
-    per_target: int | None
-    first_level: int
-    targets: tuple[str, ...] | None
-    keep_failures: bool
-    variety: bool
-    config: dict[str, Any]
-    config_hash: str
-    expert: ExpertInfo
-    store: StoreConfig
-    patience: GiveUpConfig
-    versions: dict[str, str]
+    task: str  # name of the task
+    control_mode: str  # of the actions
+    per_object: int | None  # successful trajectories wanted of each object; None where `per_target` is given
+    per_target: int | None  # successful trajectories wanted of each target; None where `per_object` is given
+    first_level: int  # of every object
+    targets: tuple[str, ...] | None  # only these links; None for all that the task can be done with
+    keep_failures: bool  # whether failed attempts are stored, too
+    variety: bool  # whether the expert's style differs from episode to episode, and it is disturbed now and then
+    config: dict[str, Any]  # resolved configuration of the task
+    config_hash: str  # of the task's configuration and the robot's
+    expert: ExpertInfo  # who acted
+    store: StoreConfig  # what is stored of a trajectory
+    patience: GiveUpConfig  # when a target is given up
+    versions: dict[str, str]  # of the package, the engine and the numeric libraries
 
     def __post_init__(self) -> None:
         robot = self.config.get("robot", {})

@@ -25,52 +25,30 @@ JOINT_BINS = 20
 
 @dataclass(frozen=True)
 class ObjectStats:
-    """Numbers of one object.
+    """Numbers of one object."""
 
-    Attributes:
-        object: id.
-        wanted: successful trajectories that were asked for.
-        trajectories: that are stored, kept failures included.
-        attempts: that the expert made.
-        successes: of them.
-        success_rate: their ratio; 0 without attempts.
-        gave_up: targets that were given up.
-        shortest: of the stored trajectories, steps; 0 where there are none, as the next ones.
-        mean_length: likewise.
-        longest: likewise.
-        bytes_per_trajectory: of the file.
-        base_coverage: see `Coverage`.
-        object_coverage: likewise.
-        targets: counts of each.
-    """
-
-    object: str
-    wanted: int
-    trajectories: int
-    attempts: int
-    successes: int
-    success_rate: float
-    gave_up: tuple[str, ...]
-    shortest: int
-    mean_length: float
-    longest: int
-    bytes_per_trajectory: float
-    base_coverage: float
-    object_coverage: float
-    targets: tuple[TargetCount, ...]
+    object: str  # id
+    wanted: int  # successful trajectories that were asked for
+    trajectories: int  # that are stored, kept failures included
+    attempts: int  # that the expert made
+    successes: int  # of them
+    success_rate: float  # their ratio; 0 without attempts
+    gave_up: tuple[str, ...]  # targets that were given up
+    shortest: int  # of the stored trajectories, steps; 0 where there are none, as the next ones
+    mean_length: float  # likewise
+    longest: int  # likewise
+    bytes_per_trajectory: float  # of the file
+    base_coverage: float  # see `Coverage`
+    object_coverage: float  # likewise
+    targets: tuple[TargetCount, ...]  # counts of each
 
 
 @dataclass(frozen=True)
 class Stats:
-    """Numbers of a folder.
+    """Numbers of a folder."""
 
-    Attributes:
-        settings: of its files.
-        objects: one by one.
-    """
-
-    settings: Settings
-    objects: tuple[ObjectStats, ...]
+    settings: Settings  # of its files
+    objects: tuple[ObjectStats, ...]  # one by one
 
     @property
     def trajectories(self) -> int:

@@ -45,19 +45,12 @@ _MOST_NAMED = 3  # differences
 
 @dataclass(frozen=True)
 class Sampling:
-    """Which points of a cloud are kept, see `PointCloudDownsample`.
+    """Which points of a cloud are kept, see `PointCloudDownsample`."""
 
-    Attributes:
-        num_points: in all.
-        method: `maniskill`, `uniform`, `voxel` or `fps`.
-        frame: `world`, `robot` or `end_effector`.
-        settings: of the method.
-    """
-
-    num_points: int = 1200
-    method: str = "maniskill"
-    frame: str = "world"
-    settings: dict[str, Any] = field(default_factory=dict)
+    num_points: int = 1200  # in all
+    method: str = "maniskill"  # `maniskill`, `uniform`, `voxel` or `fps`
+    frame: str = "world"  # `world`, `robot` or `end_effector`
+    settings: dict[str, Any] = field(default_factory=dict)  # of the method
 
     def __post_init__(self) -> None:
         check_name("frame", self.frame, FRAMES)
@@ -92,31 +85,18 @@ def make_sampling(
 
 @dataclass(frozen=True)
 class ReplaySettings:
-    """How training files are made: all that they depend on besides the demonstrations.
+    """How training files are made: all that they depend on besides the demonstrations."""
 
-    Attributes:
-        source: settings of the demonstrations.
-        obs_mode: `state`, `pointcloud` or `rgbd`.
-        control_mode: of the actions.
-        way: `simulate`, play the actions once more, or `restore`, restore every recorded state.
-        sampling: of point clouds; None for the full ones, and in other modes.
-        seen: values of the task's sections `cameras` and `render` that are other ones.
-        count: trajectories of each object, evenly of its targets; None for all.
-        keep_failures: keep what is not solved, too.
-        compression: level of gzip.
-        versions: of the package, the engine and the numeric libraries.
-    """
-
-    source: Settings
-    obs_mode: str
-    control_mode: str
-    way: str
-    sampling: Sampling | None
-    seen: dict[str, Any]
-    count: int | None
-    keep_failures: bool
-    compression: int
-    versions: dict[str, str]
+    source: Settings  # settings of the demonstrations
+    obs_mode: str  # `state`, `pointcloud` or `rgbd`
+    control_mode: str  # of the actions
+    way: str  # `simulate`, play the actions once more, or `restore`, restore every recorded state
+    sampling: Sampling | None  # of point clouds; None for the full ones, and in other modes
+    seen: dict[str, Any]  # values of the task's sections `cameras` and `render` that are other ones
+    count: int | None  # trajectories of each object, evenly of its targets; None for all
+    keep_failures: bool  # keep what is not solved, too
+    compression: int  # level of gzip
+    versions: dict[str, str]  # of the package, the engine and the numeric libraries
 
     def __post_init__(self) -> None:
         check_name("observation mode", self.obs_mode, OBSERVATION_MODES)
@@ -178,29 +158,17 @@ class ReplaySettings:
 
 @dataclass(frozen=True)
 class TrainingEntry:
-    """One file of a folder of training files.
+    """One file of a folder of training files."""
 
-    Attributes:
-        object: whose trajectories it holds.
-        name: of the object, as `load_object` takes it.
-        content_hash: of the object.
-        source_sha256: of the file of demonstrations.
-        sha256: of the file.
-        bytes: of the file.
-        trajectories: that it holds.
-        frames: observations in all.
-        counts: what came of the trajectories that were replayed.
-    """
-
-    object: str
-    name: str
-    content_hash: str
-    source_sha256: str
-    sha256: str
-    bytes: int
-    trajectories: int
-    frames: int
-    counts: OutcomeCounts
+    object: str  # whose trajectories it holds
+    name: str  # of the object, as `load_object` takes it
+    content_hash: str  # of the object
+    source_sha256: str  # of the file of demonstrations
+    sha256: str  # of the file
+    bytes: int  # of the file
+    trajectories: int  # that it holds
+    frames: int  # observations in all
+    counts: OutcomeCounts  # what came of the trajectories that were replayed
 
 
 @dataclass(frozen=True)

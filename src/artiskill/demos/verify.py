@@ -24,23 +24,14 @@ _JOB_TRAJECTORIES = 25
 
 @dataclass(frozen=True)
 class VerifyResult:
-    """What came of some trajectories of a file.
+    """What came of some trajectories of a file."""
 
-    Attributes:
-        path: of the file.
-        object: id.
-        trajectories: that were simulated.
-        steps: in all.
-        exact: trajectories that came out bit for bit.
-        faults: what did not; empty if all is well.
-    """
-
-    path: str
-    object: str
-    trajectories: int = 0
-    steps: int = 0
-    exact: int = 0
-    faults: tuple[str, ...] = ()
+    path: str  # of the file
+    object: str  # id
+    trajectories: int = 0  # that were simulated
+    steps: int = 0  # in all
+    exact: int = 0  # trajectories that came out bit for bit
+    faults: tuple[str, ...] = ()  # what did not; empty if all is well
 
     def __add__(self, other: "VerifyResult") -> "VerifyResult":
         """Return the result of both, of the same file."""
@@ -99,11 +90,15 @@ def verify(
         fault = _fault_of_file(path, entry, manifest.settings, obj)
         results[str(path)] = VerifyResult(str(path), entry.object, faults=(fault,) if fault else ())
         numbers = () if fault else tuple(range(entry.trajectories))
-        starts = range(0, len(numbers), _JOB_TRAJECTORIES)
-        jobs += [_Job(path, entry.object, numbers[k : k + _JOB_TRAJECTORIES], obj) for k in starts]
+        jobs += [_Job(path, entry.object, part, obj) for part in _parts(numbers)]
     for result in run_jobs(_verify_part, jobs, workers, on_trajectory, describe=lambda job: str(job.path)):
         results[result.path] += result
     return list(results.values())
+
+
+def _parts(numbers: Sequence[int]) -> list[tuple[int, ...]]:
+    starts = range(0, len(numbers), _JOB_TRAJECTORIES)
+    return [tuple(numbers[start : start + _JOB_TRAJECTORIES]) for start in starts]
 
 
 def differences(trajectory: Trajectory, env: ManipulationEnv, obj: ArticulatedObject) -> str:
