@@ -89,16 +89,16 @@ def verify(
         path, obj = folder / name, given.get(entry.object)
         fault = _fault_of_file(path, entry, manifest.settings, obj)
         results[str(path)] = VerifyResult(str(path), entry.object, faults=(fault,) if fault else ())
-        numbers = () if fault else tuple(range(entry.trajectories))
-        jobs += [_Job(path, entry.object, part, obj) for part in _parts(numbers)]
+        jobs += [_Job(path, entry.object, part, obj) for part in _parts(0 if fault else entry.trajectories)]
     for result in run_jobs(_verify_part, jobs, workers, on_trajectory, describe=lambda job: str(job.path)):
         results[result.path] += result
     return list(results.values())
 
 
-def _parts(numbers: Sequence[int]) -> list[tuple[int, ...]]:
-    starts = range(0, len(numbers), _JOB_TRAJECTORIES)
-    return [tuple(numbers[start : start + _JOB_TRAJECTORIES]) for start in starts]
+def _parts(trajectories: int) -> list[tuple[int, ...]]:
+    """Return the numbers of the trajectories of each job."""
+    starts = range(0, trajectories, _JOB_TRAJECTORIES)
+    return [tuple(range(start, min(start + _JOB_TRAJECTORIES, trajectories))) for start in starts]
 
 
 def differences(trajectory: Trajectory, env: ManipulationEnv, obj: ArticulatedObject) -> str:
