@@ -1,13 +1,13 @@
 """ArtiSkill: does a manipulation policy generalise to objects it has never seen?
 
-Importing registers the environments with Gymnasium and does nothing else.
+Importing registers tasks and their environments, those of installed packages too, and does nothing else.
 """
 
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-from artiskill.envs.registration import register_envs
+from artiskill.envs.registration import register_all, register_task
 
 try:
     __version__ = version("artiskill")
@@ -31,7 +31,7 @@ _PUBLIC = {
     "as_sb3": "artiskill.envs.stable_baselines",
     "warm_scenes": "artiskill.envs.warm",
 }
-__all__ = ["__version__", *sorted(_PUBLIC)]  # noqa: PLE0604 - names resolved by __getattr__
+__all__ = ["__version__", "register_task", *sorted(_PUBLIC)]  # noqa: PLE0604 - names resolved by __getattr__
 
 
 def __getattr__(name: str) -> Any:
@@ -40,4 +40,4 @@ def __getattr__(name: str) -> Any:
     raise AttributeError(f"module 'artiskill' has no attribute {name!r}; public: {', '.join(__all__)}")
 
 
-register_envs()
+register_all()

@@ -75,15 +75,7 @@ def _moving_links(obj: ArticulatedObject) -> list[MovingLink]:
     return [MovingLink(k.name, k.joint.kind, bool(obj.handles_of(k.name))) for k in links if k.joint is not None]
 
 
-TASK_NEEDS = {
-    needs.task: needs
-    for needs in (
-        Needs("OpenCabinetDrawer", "cabinet", "prismatic"),
-        Needs("OpenCabinetDoor", "cabinet", "revolute"),
-        Needs("PushChair", "chair", None),
-        Needs("MoveBucket", "bucket", None),
-    )
-}
+TASK_NEEDS: dict[str, Needs] = {}  # by task; filled as tasks are registered
 
 
 def task_needs(task: str) -> Needs:

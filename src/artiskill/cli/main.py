@@ -1,5 +1,6 @@
 """`artiskill`: finds the command, runs it, and turns errors into one line and an exit status."""
 
+import argparse
 import os
 import re
 import sys
@@ -9,6 +10,7 @@ from artiskill import __version__
 from artiskill.cli import assets, bench, demos, evaluate, info, render
 from artiskill.cli.parser import Parser, add_debug
 from artiskill.errors import ArtiSkillError
+from artiskill.tasks.registry import load_task
 
 EXIT_OK, EXIT_ERROR, EXIT_INTERRUPTED, EXIT_BROKEN_PIPE = 0, 2, 130, 141
 
@@ -27,6 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     debug = "--debug" in argv
     try:
         arguments = make_parser().parse_strictly(argv)
+        _load_tasks(arguments)
         status = arguments.run(arguments)
         sys.stdout.flush()
     except ArtiSkillError as error:
@@ -44,6 +47,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains while it ends
         return EXIT_BROKEN_PIPE
     return EXIT_OK if status is None else status
+
+
+def _load_tasks(arguments: argparse.Namespace) -> None:
+    """Put the task's name for each `module:Task` that was given; importing the module registers it."""
+    given = getattr(arguments, "task", None)
+    if isinstance(given, str):
+        arguments.task = load_task(given)
+    elif given is not None:
+        arguments.task = [load_task(one) for one in given]
 
 
 def _printable(text: str) -> str:

@@ -1,25 +1,105 @@
-"""Gymnasium ids: `ArtiSkill/<Task>-v0`, `..._<object>-v0` and `..._<object>_link_<k>-v0`."""
+"""Registering tasks: their names, and their environments' ids with Gymnasium.
+
+These are `ArtiSkill/<Task>-v0`, `ArtiSkill/<Task>_<object>-v0` and `ArtiSkill/<Task>_<object>_link_<k>-v0`.
+"""
+
+import warnings
+from importlib.metadata import entry_points
+from pathlib import Path
 
 import gymnasium as gym
 
+from artiskill.assets.articulated_object import Category, JointKind
 from artiskill.assets.catalog import list_objects, read_catalog
-from artiskill.assets.needs import task_needs
-from artiskill.tasks.registry import task_names
+from artiskill.config import CONFIG_DIR
+from artiskill.tasks.registry import TaskSpec, add_inherited_tasks, add_task, bequeath_task
 
 NAMESPACE = "ArtiSkill"
+ENTRY_POINT_GROUP = "artiskill.tasks"
 _ENTRY_POINT = "artiskill.envs.manipulation:ManipulationEnv"
 _VECTOR_ENTRY_POINT = "artiskill.envs.vector_env:ManipulationVectorEnv"
+_OWN_TASKS: tuple[tuple[str, str, str, Category, JointKind | None], ...] = (
+    # name, YAML, module, category, motion
+    ("OpenCabinetDoor", "open_cabinet_door.yaml", "open_cabinet", "cabinet", "revolute"),
+    ("OpenCabinetDrawer", "open_cabinet_drawer.yaml", "open_cabinet", "cabinet", "prismatic"),
+    ("PushChair", "push_chair.yaml", "push_chair", "chair", None),
+    ("MoveBucket", "move_bucket.yaml", "move_bucket", "bucket", None),
+)
 
 
-def register_envs() -> None:
-    """Register every id of the catalogue; registering twice changes nothing."""
-    for task in task_names():
-        _register(task, {"task": task})
-        motion = task_needs(task).motion
-        for object_id in (*list_objects(task=task), *list_objects(split="ood", task=task)):
-            _register(f"{task}_{object_id}", {"task": task, "objects": object_id})
-            for link in () if motion is None else read_catalog()[object_id][1].targets(motion):
-                _register(f"{task}_{object_id}_{link}", {"task": task, "objects": object_id, "target": link})
+def register_task(
+    name: str,
+    *,
+    category: Category,
+    entry_point: str,
+    config_file: str | Path,
+    motion: JointKind | None = None,
+    expert: str | None = None,
+    variation_file: str | Path | None = None,
+) -> None:
+    """Register a task: for `gym.make`, `ManipulationEnv`, evaluation, collection and the command line.
+
+    Nothing is imported before the task is used. Registering the same task again changes nothing.
+
+    Args:
+        name: letters and digits, `TurnChair`; its environment is then `ArtiSkill/TurnChair-v0`.
+        category: of its objects: `cabinet`, `chair` or `bucket`.
+        entry_point: `module:function`. The function takes the task's configuration, annotated with its class (a
+            subclass of `TaskConfig`), and returns the `Task`.
+        config_file: the YAML file with the configuration's values.
+        motion: how the target link moves, `prismatic` or `revolute`, if the task opens one; objects without such
+            a link are refused.
+        expert: `module:Class` of the task's expert, if there is one; the class takes robot and configuration.
+        variation_file: the YAML file with what varies between the expert's demonstrations.
+
+    Raises:
+        UnknownNameError: there is no such category or motion.
+        ConfigError: another task has this name, a name is illegal, or a file does not exist.
+    """
+    files = (None if file is None else str(Path(file).resolve()) for file in (config_file, variation_file))
+    config_path, variation_path = files
+    spec = TaskSpec(name, category, entry_point, str(config_path), motion, expert, variation_path)
+    add_task(spec)
+    if not entry_point.startswith("artiskill."):
+        bequeath_task(spec)
+    _register_envs(spec)
+
+
+def register_all() -> None:
+    """Register the tasks of this package, those of the parent process, and those of installed packages.
+
+    A package announces its tasks by an entry point of the group `artiskill.tasks`: a module that registers them
+    when it is imported, or a function that does so when it is called.
+    """
+    for name, file, module, category, motion in _OWN_TASKS:
+        register_task(
+            name,
+            category=category,
+            entry_point=f"artiskill.tasks.{module}:make_{module}",
+            config_file=CONFIG_DIR / "tasks" / file,
+            motion=motion,
+            expert=f"artiskill.experts.{module}:{module.title().replace('_', '')}Expert",
+            variation_file=CONFIG_DIR / "experts" / "variation" / file,
+        )
+    for spec in add_inherited_tasks():
+        _register_envs(spec)
+    for entry in entry_points(group=ENTRY_POINT_GROUP):
+        try:
+            loaded = entry.load()
+            if callable(loaded):
+                loaded()
+        except Exception as error:  # of any kind: what is installed beside must not keep this package from working
+            warnings.warn(f"the tasks of {entry.value!r} could not be registered: {error}", stacklevel=2)
+
+
+def _register_envs(spec: TaskSpec) -> None:
+    """Register a task's environments: of any object, of each of the catalogue, and of each target link."""
+    _register(spec.name, {"task": spec.name})
+    for object_id in (*list_objects(task=spec.name), *list_objects(split="ood", task=spec.name)):
+        kwargs = {"task": spec.name, "objects": object_id}
+        _register(f"{spec.name}_{object_id}", kwargs)
+        for link in () if spec.motion is None else read_catalog()[object_id][1].targets(spec.motion):
+            _register(f"{spec.name}_{object_id}_{link}", kwargs | {"target": link})
 
 
 def _register(name: str, kwargs: dict[str, str]) -> None:

@@ -1,20 +1,17 @@
 """Which expert solves which task."""
 
-from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 import numpy as np
 
 from artiskill.errors import PolicyError
-from artiskill.experts.move_bucket import MoveBucketExpert
-from artiskill.experts.open_cabinet import OpenCabinetExpert
-from artiskill.experts.push_chair import PushChairExpert
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
+from artiskill.tasks.registry import load_reference, task_names, task_spec
 
 
 class Expert(Protocol):
-    """A privileged controller of one task.
+    """A privileged controller of one task; its class is called with robot and configuration (None: its own).
 
     Attributes:
         config: its values, a dataclass.
@@ -29,25 +26,21 @@ class Expert(Protocol):
         """Return the next action, (R,) in [-1, 1], of the control mode `joint`."""
 
 
-_EXPERTS: Mapping[str, Callable[[RobotConfig, Any], Expert]] = {
-    "OpenCabinetDrawer": OpenCabinetExpert,
-    "OpenCabinetDoor": OpenCabinetExpert,
-    "MoveBucket": MoveBucketExpert,
-    "PushChair": PushChairExpert,
-}
-
-
 def make_expert(task: str, robot: RobotConfig, config: Any = None) -> Expert:
     """Return the expert of a task.
 
     Args:
         task: its name.
         robot: who acts.
-        config: of the expert; by default the one that comes with the package, which is then read from its file.
+        config: of the expert; by default the one that comes with it, which is then read from its file.
 
     Raises:
+        UnknownNameError: there is no such task.
         PolicyError: the task has no expert.
     """
-    if task not in _EXPERTS:
-        raise PolicyError(f"there is no expert for {task}; tasks with one: {', '.join(_EXPERTS)}")
-    return _EXPERTS[task](robot, config)
+    reference = task_spec(task).expert
+    if reference is None:
+        with_one = (name for name in task_names() if task_spec(name).expert is not None)
+        raise PolicyError(f"there is no expert for {task}; tasks with one: {', '.join(with_one)}")
+    expert: Expert = load_reference(reference, f"expert of {task}")(robot, config)
+    return expert

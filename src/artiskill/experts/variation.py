@@ -7,15 +7,14 @@ Laskey et al., "DART: Noise Injection for Robust Imitation Learning", CoRL 2017,
 """
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
 from artiskill.config import (
-    CONFIG_DIR,
     check,
     check_not_negative,
     check_value,
@@ -23,10 +22,10 @@ from artiskill.config import (
     load_config,
     to_mapping,
 )
-from artiskill.errors import UnknownNameError
+from artiskill.errors import ConfigError, UnknownNameError
+from artiskill.tasks.registry import task_spec
 
 T = TypeVar("T")
-_WORD = re.compile(r"(?<!^)(?=[A-Z])")
 _TRUNK = 4  # base x, y and yaw; then the lift
 _FINGERS = 2
 _LONGEST_STEPS = 8
@@ -74,13 +73,18 @@ class VariationConfig:
 
 
 def load_variation(task: str) -> VariationConfig:
-    """Return the variation of a task that comes with the package.
+    """Read the variation of a task, as it was registered.
 
     Raises:
+        UnknownNameError: there is no such task.
         ConfigError: the task has none.
     """
-    stem = _WORD.sub("_", task).lower()
-    return load_config(VariationConfig, CONFIG_DIR / "experts" / "variation" / f"{stem}.yaml")
+    file = task_spec(task).variation_file
+    if file is None:
+        raise ConfigError(
+            f"{task} has nothing that varies between demonstrations; register it with a variation_file"
+        )
+    return load_config(VariationConfig, Path(file))
 
 
 def varied(config: T, ranges: Mapping[str, tuple[float, float]], rng: np.random.Generator) -> T:
