@@ -60,7 +60,7 @@ def register_task(
     config_path, variation_path = files
     spec = TaskSpec(name, category, entry_point, str(config_path), motion, expert, variation_path)
     add_task(spec)
-    if not entry_point.startswith("artiskill."):
+    if CONFIG_DIR not in Path(spec.config_file).parents:  # workers know the tasks of this package anyway
         bequeath_task(spec)
     _register_envs(spec)
 
