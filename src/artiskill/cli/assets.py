@@ -56,7 +56,7 @@ def _add_solve(commands: Any) -> None:
     summary = "solve levels by planning on the dense reward alone"
     parser = add_command(commands, "solve", _solve, summary, _SOLVE_EPILOG)
     parser.add_argument("objects", nargs="+", help="ids, splits or PartNet folders")
-    parser.add_argument("--task", required=True, help="name of the task")
+    parser.add_argument("--task", required=True, help="name of the task, or module:Task of your own package")
     parser.add_argument("--target", help="target link (default: drawn by the level)")
     parser.add_argument("--levels", nargs="+", type=int, default=[0], help="levels (seeds) to solve (default: 0)")
     parser.add_argument("--threads", type=int, help="number of simulation threads (default: one per core)")

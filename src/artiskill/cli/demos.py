@@ -80,7 +80,7 @@ def _add_collect(commands: Any) -> None:
     summary = "have experts demonstrate a task"
     parser = add_command(commands, "collect", _collect, summary, _COLLECT_EPILOG)
     add = parser.add_argument
-    add("--task", required=True, help="name of the task")
+    add("--task", required=True, help="name of the task, or module:Task of your own package")
     add("--out", type=Path, required=True, metavar="FOLDER", help="folder of this task's demonstrations")
     add("--objects", nargs="+", default=["train"], help="splits, ids, PartNet folders (default: train)")
     add(

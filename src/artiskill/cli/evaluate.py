@@ -91,7 +91,11 @@ def _add_evaluate(commands: Any) -> None:
 
 
 def _add_task(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--task", default="OpenCabinetDrawer", help="name of the task (default: %(default)s)")
+    parser.add_argument(
+        "--task",
+        default="OpenCabinetDrawer",
+        help="name of the task, or module:Task of your own package (default: %(default)s)",
+    )
 
 
 def _run_demo(arguments: argparse.Namespace) -> None:

@@ -15,7 +15,7 @@ def add_commands(commands: Any) -> None:
     add_command(commands, "tasks", _tasks, "list the tasks and how many objects each split has for them")
     parser = add_command(commands, "config", _config, "show a task's configuration with every value resolved")
     parser.add_argument("action", choices=("show",), metavar="show")
-    parser.add_argument("task", help="name of the task")
+    parser.add_argument("task", help="name of the task, or module:Task of your own package")
     add_set(parser, "change values")
     add_command(commands, "version", _version, "show the versions that results depend on")
     add_command(commands, "warm", _warm, "compile all kernels now instead of on first use")

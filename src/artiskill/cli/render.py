@@ -46,7 +46,7 @@ def add_commands(commands: Any) -> None:
         help="how far joints are open, one share for all or one each (default: 0)",
     )
     episode = parser.add_argument_group("an episode")
-    episode.add_argument("--task", help="name of the task")
+    episode.add_argument("--task", help="name of the task, or module:Task of your own package")
     episode.add_argument("--target", help="target link (default: drawn by the level)")
     episode.add_argument("--level", "--seed", type=int, help="level (seed) of the episode (default: 0)")
     episode.add_argument("--policy", help="expert, random, still or path/to/solution.py (default: expert)")
