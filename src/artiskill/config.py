@@ -97,7 +97,7 @@ def from_layers(
 
 
 def merge_overrides(data: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """A copy of `data` in which each dotted key, or nested mapping, of `overrides` has its new value.
+    """Return a copy of `data` in which each dotted key, or nested mapping, of `overrides` has its new value.
 
     Raises:
         ConfigError: keys are nested too deeply, or hold themselves.
@@ -123,7 +123,7 @@ def _merged(data: Mapping[str, Any], overrides: Mapping[str, Any], depth: int) -
 
 
 def to_mapping(config: Any) -> Any:
-    """The plain values (dicts, lists, numbers, strings) of a config, ready for YAML or JSON."""
+    """Return the plain values (dicts, lists, numbers, strings) of a config, ready for YAML or JSON."""
     if dataclasses.is_dataclass(config) and not isinstance(config, type):
         return {f.name: to_mapping(getattr(config, f.name)) for f in dataclasses.fields(config)}
     if isinstance(config, Mapping):
@@ -134,7 +134,7 @@ def to_mapping(config: Any) -> Any:
 
 
 def differing(mine: Mapping[str, Any], theirs: Mapping[str, Any], prefix: str = "") -> list[str]:
-    """What is not the same in two nested mappings of plain values, a text each."""
+    """List the differences of two nested mappings of plain values, a text each."""
     found = []
     for key in dict.fromkeys((*mine, *theirs)):
         one, other = mine.get(key), theirs.get(key)
@@ -151,7 +151,7 @@ def _text(value: Any) -> str:
 
 
 def dump_yaml(config: Any) -> str:
-    """The resolved config as YAML text, keys in the order of the dataclass, lists of plain values on one line."""
+    """Return the config as YAML, keys in the order of the dataclass, lists of plain values on one line."""
     return yaml.dump(to_mapping(config), Dumper=_Dumper, sort_keys=False, width=110)
 
 
@@ -180,14 +180,14 @@ def check_value(config: object, name: str, legal: bool, rule: str) -> None:
 
 
 def check_vector(config: object, *names: str, size: int = 3) -> None:
-    """Each field holds `size` finite numbers."""
+    """Check that each field holds `size` finite numbers."""
     for name in names:
         value = getattr(config, name)
         check_value(config, name, len(value) == size and all(map(math.isfinite, value)), f"needs {size} numbers")
 
 
 def check_range(config: object, *names: str, lowest: float = -math.inf) -> None:
-    """Each field holds two finite numbers, the second higher, the first at least `lowest`."""
+    """Check that each field holds two finite numbers, the second higher, the first at least `lowest`."""
     for name in names:
         value = getattr(config, name)
         legal = len(value) == 2 and -math.inf < value[0] < value[1] < math.inf and value[0] >= lowest
@@ -196,24 +196,24 @@ def check_range(config: object, *names: str, lowest: float = -math.inf) -> None:
 
 
 def check_positive(config: object, *names: str) -> None:
-    """Each field is positive and finite."""
+    """Check that each field is positive and finite."""
     for name in names:
         check_value(config, name, 0 < getattr(config, name) < math.inf, "must be positive, and finite")
 
 
 def check_not_negative(config: object, *names: str) -> None:
-    """Each field is zero or positive, and finite."""
+    """Check that each field is zero or positive, and finite."""
     for name in names:
         check_value(config, name, 0 <= getattr(config, name) < math.inf, "must not be negative, and finite")
 
 
 def check_inside(what: str, value: float, limits: Sequence[float]) -> None:
-    """The number lies within the limits."""
+    """Check that a number lies within limits."""
     check(limits[0] <= value <= limits[1], f"{what} must lie in {list(limits)}, not {shown(value)}")
 
 
 def _build(cls: Any, data: Any, path: str) -> Any:
-    """The dataclass `cls` from a mapping, its own dataclasses first, so that each error can name its place.
+    """Build `cls` from a mapping, its own dataclasses first, so that each error can name its place.
 
     Args:
         cls: a dataclass.
@@ -252,7 +252,7 @@ def _join(path: str, key: object) -> str:
 
 
 def _placed(path: str, message: str, fields: list[str]) -> str:
-    """A dataclass's message with its place: one that begins with a field gets that field's dotted path."""
+    """Return a dataclass's message with its place: one that begins with a field gets that field's dotted path."""
     if not path:
         return message
     message = message.removeprefix(path.rpartition(".")[2] + ".")  # some name their place themselves
@@ -261,7 +261,7 @@ def _placed(path: str, message: str, fields: list[str]) -> str:
 
 
 def _fit(kind: Any, value: Any, path: str) -> Any:
-    """`value` in the form that the annotation `kind` asks for: tuples for YAML's lists, floats for its integers.
+    """Convert `value` to the annotation `kind`: tuples for YAML's lists, floats for its integers.
 
     What does not fit at all is left as it is, for dacite to refuse.
 
@@ -271,7 +271,7 @@ def _fit(kind: Any, value: Any, path: str) -> Any:
         path: the dotted way to the value, for error messages.
 
     Raises:
-        ConfigError: a key, at any depth, that no field bears, or text where a number belongs.
+        ConfigError: a key, at any depth, that no field has, or text where a number belongs.
     """
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if dataclasses.is_dataclass(kind):
@@ -307,7 +307,7 @@ def _fit_union(options: tuple[Any, ...], value: Any, path: str) -> Any:
 
 
 def _fit_number(kind: type, value: Any, path: str) -> Any:
-    """Integers are legal where floats are; PyYAML reads `1e-3` as text, which is legal too; booleans are not."""
+    """Convert integers to floats, and text such as `1e-3`, which PyYAML reads as text; refuse booleans."""
     if isinstance(value, bool):
         raise ConfigError(f"{path}: a number was expected, not {shown(value)}")
     if kind is int and isinstance(value, int) and abs(value) > _LARGEST_INT:
@@ -323,7 +323,7 @@ def _fit_number(kind: type, value: Any, path: str) -> Any:
 
 
 def _wanted(kind: Any, value: object) -> str:
-    """An annotation as a person writes it, and what was there instead."""
+    """Return an annotation as a person writes it, and what was there instead."""
     if typing.get_origin(kind) is typing.Literal:
         legal = list(map(str, typing.get_args(kind)))
         near = _nearest(value, legal).rstrip()

@@ -9,7 +9,7 @@ import reprlib
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
 
-_MOST_MESSAGE = 2000  # characters: what is longer nobody reads, and most of it is what somebody gave
+_MOST_MESSAGE = 2000  # characters: longer messages are mostly a user's own input
 _MOST_COMPARED = 200  # characters of a name: comparing takes the product of two lengths
 
 
@@ -17,7 +17,7 @@ class ArtiSkillError(Exception):
     """Root of all errors that ArtiSkill raises on purpose; they travel between processes."""
 
     def __str__(self) -> str:
-        """The message; of a very long one, its beginning and its end."""
+        """Return the message; of a very long one, its beginning and its end."""
         message = super().__str__()
         half = _MOST_MESSAGE // 2
         return message if len(message) <= _MOST_MESSAGE else f"{message[:half]} [...] {message[-half:]}"
@@ -78,7 +78,7 @@ class DivergedError(ArtiSkillError, RuntimeError):
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """As workers send it home."""
+        """Pickle it, as workers send it to their parent."""
         return type(self), (self.causes,)
 
 
@@ -113,7 +113,7 @@ def check_name(kind: str, given: object, legal: Collection[str], hint: str = "")
 
 
 def shown(given: object) -> str:
-    """A value as an error shows it: `repr`, of a long or deep one its beginning, whatever `repr` raises."""
+    """Return a value as an error shows it: its `repr`, shortened if it is long or deep; it never raises."""
     try:
         text = _SHOWN.repr(given)
     except Exception as error:  # of a foreign type, anything
@@ -122,7 +122,7 @@ def shown(given: object) -> str:
 
 
 def closest(given: object, legal: Iterable[str], cutoff: float = 0.6) -> str | None:
-    """The legal name that is most like a given one, if any is."""
+    """Return the legal name that is most like a given one, if any is."""
     if not isinstance(given, str) or len(given) > _MOST_COMPARED:
         return None
     return next(iter(difflib.get_close_matches(given, list(legal), n=1, cutoff=cutoff)), None)

@@ -33,7 +33,7 @@ _MOST_DIGITS = 1000  # of a number in YAML, which may count in sixties: 1:1:1:..
 _TOO_DEEP = f"it is nested more than {_MOST_DEPTH} levels deep"
 _TOO_MANY = f"it has more than {_MOST_VALUES} values, what aliases stand for included"
 
-# of names that a killed process may leave behind; whoever owns a folder alone may remove them
+# of names that a killed process may leave behind; the only process that writes to a folder may remove them
 TEMPORARY_PREFIX = ".part-"
 _TEMPORARY = re.compile(re.escape(TEMPORARY_PREFIX) + r"[a-z0-9_]{8}(\.[a-z0-9]+)?")
 LOCK_FILE = ".artiskill.lock"
@@ -42,7 +42,7 @@ _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
 
 
 def check_path(path: Path | str) -> Path:
-    """The path, if a file could bear it.
+    """Return the path, if a file could have it.
 
     Raises:
         OSError: it holds NUL, or text that is no UTF-8, or is too long.
@@ -60,7 +60,7 @@ def check_path(path: Path | str) -> Path:
 
 
 def open_regular(path: Path | str) -> io.BufferedReader:
-    """A regular file, open for reading: no device, which may never end, and no pipe, which may never begin.
+    """Open a regular file for reading: no device, which may never end, and no pipe, which may never begin.
 
     Raises:
         OSError: it cannot be opened, or is none.
@@ -80,7 +80,7 @@ def open_regular(path: Path | str) -> io.BufferedReader:
 
 
 def read_bytes(path: Path | str, most_bytes: int = _MOST_BYTES) -> bytes:
-    """A regular file's content.
+    """Read a regular file's content.
 
     Raises:
         OSError: it cannot be read, is no regular file, or is larger than it may be.
@@ -93,7 +93,7 @@ def read_bytes(path: Path | str, most_bytes: int = _MOST_BYTES) -> bytes:
 
 
 def read_text(path: Path | str, most_bytes: int = _MOST_BYTES, errors: str = "strict") -> str:
-    """A regular file's text, UTF-8.
+    """Read a regular file's text, UTF-8.
 
     Raises:
         OSError: as `read_bytes`.
@@ -113,10 +113,10 @@ def is_folder(path: Path | str) -> bool:
 
 
 def check_writable(path: Path | str) -> Path:
-    """The path, if a file may be written there: nothing is there, or a regular file, perhaps behind a link.
+    """Return the path, if a file may be written there: nothing is there, or a regular file, perhaps behind a link.
 
     Raises:
-        OSError: its name is none, or it is a folder, a device or a pipe, or nobody may look.
+        OSError: its name is not legal, or it is a folder, a device or a pipe, or it must not be looked at.
     """
     path = check_path(path)
     try:
@@ -131,7 +131,7 @@ def check_writable(path: Path | str) -> Path:
 
 
 def parse_json(text: bytes | str) -> Any:
-    """What a JSON text says.
+    """Parse a JSON text.
 
     Raises:
         ValueError: it is no JSON, too long, or nested too deeply.
@@ -155,7 +155,7 @@ def _values(value: list[Any] | dict[str, Any]) -> Iterable[Any]:
 
 
 def parse_yaml(text: str) -> Any:
-    """What a YAML text says.
+    """Parse a YAML text.
 
     Raises:
         ValueError: it is no YAML, too long, nested too deeply, or its aliases stand for too much, or themselves.
@@ -203,7 +203,7 @@ _NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
 
 
 def _count_values(node: yaml.Node, counts: dict[yaml.Node, int | None]) -> int:
-    """How many values a node stands for, aliases followed; `counts` has those that are known, None on the way."""
+    """Count the values of a node, aliases followed; `counts` has those that are known, None on the way."""
     if node in counts:
         known = counts[node]
         if known is None:
@@ -220,7 +220,7 @@ def _count_values(node: yaml.Node, counts: dict[yaml.Node, int | None]) -> int:
 
 
 def check_archive(file: BinaryIO, most_bytes: int) -> None:
-    """See whether a zip, `.npz` say, unpacks to no more than it may.
+    """Check that a zip (an `.npz` too) unpacks to no more than it may.
 
     Raises:
         ValueError: it does not.
@@ -238,7 +238,7 @@ def _size(count: int) -> str:
 
 @contextmanager
 def atomic_write(path: Path) -> Iterator[Path]:
-    """A temporary name beside a path; what is written there gets the path's name at the end, if all went well.
+    """Yield a temporary path beside a path; what is written there is renamed at the end, if all went well.
 
     The file's mode is what the user's umask leaves of 0666, as of every file that a program makes.
 
@@ -256,7 +256,7 @@ def atomic_write(path: Path) -> Iterator[Path]:
 
 
 def output_path(given: Path | str) -> Path:
-    """The path of a file or folder that is to be written, if any could bear it; better said before the work.
+    """Return the path of a file or folder to be written, if it is a legal one.
 
     Raises:
         ConfigError: it is no path, or a device or pipe is there.
@@ -275,7 +275,7 @@ def check_output_folder(folder: Path) -> None:
     """See whether a folder can be written to, or made, without making it.
 
     Raises:
-        ConfigError: it cannot; better said before hours of work than after them.
+        ConfigError: it cannot.
     """
     folder = output_path(folder)
     existing = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
@@ -286,7 +286,7 @@ def check_output_folder(folder: Path) -> None:
 
 
 def remove_leftovers(folder: Path) -> None:
-    """Remove temporary files of `atomic_write` in a folder that nobody else is writing to."""
+    """Remove temporary files of `atomic_write` in a folder that no other process writes to."""
     for path in folder.glob(f"{TEMPORARY_PREFIX}*"):
         if _TEMPORARY.fullmatch(path.name) and path.is_file():
             path.unlink(missing_ok=True)
@@ -322,7 +322,7 @@ def lock_folder(folder: Path, what: str = "evaluation") -> Iterator[None]:
 
 
 def _lock(folder: Path, what: str) -> int:
-    """The handle of the lock file that others find there, too."""
+    """Return the handle of the lock file, which is still in its place."""
     try:
         for left in reversed(range(_TRIES)):  # its last owner may remove the file, or the folder, while we take it
             try:

@@ -17,7 +17,7 @@ _DISTRIBUTIONS = (
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python and of the distributions that the numbers depend on."""
+    """Return the versions of Python and of the distributions that results depend on."""
     found = {"python": platform.python_version()}
     for name in _DISTRIBUTIONS:
         try:

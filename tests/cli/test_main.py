@@ -115,7 +115,7 @@ def test_version(capsys: Capture) -> None:
         ("evaluate --policy nowhere/solution.py", "'nowhere/solution.py' does not exist"),
         ("evaluate --obs-mode stat", "did you mean 'state'?"),
         ("evaluate --target link_99", "unknown target link 'link_99'"),
-        ("evaluate --set episode_steps", "--set takes key=value"),
+        ("evaluate --set episode_steps", "--set needs KEY=VALUE"),
         ("evaluate --set episode_stps=3", "did you mean 'episode_steps'?"),
         ("evaluate --set episode_steps=[", "not valid YAML"),
         ("evaluate --video film.avi", "must end in .gif"),

@@ -73,7 +73,7 @@ def make_cases(
     points: int | None = None,
     seconds: float = 4.0,
 ) -> list[Case]:
-    """All combinations, without those that are the same: no more threads than environments.
+    """Return all combinations, without duplicates: there are no more threads than environments.
 
     Args:
         tasks: names, or `all`.

@@ -65,14 +65,14 @@ class BenchEnv(Protocol):
         """Begin episodes of all environments, (B,) levels."""
 
     def step(self, actions: np.ndarray) -> bool:
-        """One environment step, (B, A); whether any episode is over."""
+        """Take one environment step with actions (B, A); return whether any episode is over."""
 
     def restart(self, envs: np.ndarray, levels: np.ndarray) -> None:
         """Begin episodes in some environments: K sorted indices, K levels."""
 
 
 def make_bench_env(case: Case) -> BenchEnv:
-    """The environments of a case, which have no episodes yet."""
+    """Make the environments of a case."""
     return SingleBenchEnv(case) if case.num_envs == 1 else VectorBenchEnv(case)
 
 
@@ -165,17 +165,17 @@ class EngineBaseline:
             self._groups.append((np.array([env for env, *_ in group]), BareEngine(simulation)))
 
     def targets(self, actions: np.ndarray) -> list[np.ndarray]:
-        """Drive targets of actions (B, A), for each batch."""
+        """Return the drive targets of actions (B, A), for each batch."""
         values = self._control.joint_scale.to_targets(actions.astype(float))
         return [values[envs] for envs, _ in self._groups]
 
     def step(self, targets: Sequence[np.ndarray]) -> None:
-        """One environment step of all batches."""
+        """Take one environment step in all batches."""
         for (_, engine), values in zip(self._groups, targets, strict=True):
             engine.step(values)
 
     def states(self) -> dict[int, np.ndarray]:
-        """The engine's state of each environment."""
+        """Return the engine's state of each environment."""
         return {
             env: row for envs, engine in self._groups for env, row in zip(envs.tolist(), engine.state, strict=True)
         }
@@ -211,7 +211,7 @@ def measure_case(case: Case, send: Send | None = None) -> Measurement:
 
 
 def _warm_up(bench_env: BenchEnv, levels: np.ndarray, rng: np.random.Generator) -> float:
-    """A few steps; seconds that the last one took."""
+    """Take a few steps; return the seconds that the last one took."""
     bench_env.start(levels)
     for _ in range(_WARM_UP):
         start = time.perf_counter()
@@ -220,14 +220,14 @@ def _warm_up(bench_env: BenchEnv, levels: np.ndarray, rng: np.random.Generator) 
 
 
 def _actions(bench_env: BenchEnv, num_envs: int, steps: int, rng: np.random.Generator) -> np.ndarray:
-    """Random ones, (T, B, A) float32."""
+    """Return random actions, (T, B, A) float32."""
     return rng.uniform(-1, 1, (steps, num_envs, bench_env.action_size)).astype(np.float32)
 
 
 def _time_episode(
     bench_env: BenchEnv, baseline: EngineBaseline, clock: _Clock, block: int, case: Case, rng: np.random.Generator
 ) -> None:
-    """Blocks of an episode, until the case's time is up; who goes first changes from block to block."""
+    """Time blocks of an episode until the case's time is up; which goes first changes from block to block."""
     for number in range(_EPISODE // block):
         actions = _actions(bench_env, case.num_envs, block, rng)
         targets = [baseline.targets(values) for values in actions]
@@ -254,7 +254,7 @@ def _time_episode(
 
 
 def _time_resets(bench_env: BenchEnv, levels: np.ndarray, case: Case, rng: np.random.Generator) -> float:
-    """Seconds for one environment's reset, to levels whose objects are known to the process."""
+    """Return the seconds of one environment's reset, to levels whose objects are known to the process."""
     at_once = max(1, round(len(levels) / bench_env.task.episode_steps))
     spent: list[float] = []
     while len(spent) < _RESETS or sum(spent) < _RESET_SHARE * case.seconds:

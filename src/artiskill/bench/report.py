@@ -35,7 +35,7 @@ class Measurement:
         case: what was measured.
         steps: timed environment steps, each environment's counted.
         steps_per_s: median over blocks, without resets.
-        engine_steps_per_s: likewise of the bare engine, on the same models with the same drive targets.
+        engine_steps_per_s: the same of the bare engine, on the same models with the same drive targets.
         ratio: median of the blocks' ratios of the two.
         ratio_quartiles: of the same.
         reset_ms: of one auto-reset, as many at a time as an average step of the vector has.
@@ -56,7 +56,7 @@ class Measurement:
     memory_mb: float | None
 
     def to_mapping(self) -> dict[str, Any]:
-        """Plain values, for JSON; the case's stand beside the figures."""
+        """Return plain values, for JSON; the case's stand beside the figures."""
         values = asdict(self)
         return values.pop("case") | values
 
@@ -74,7 +74,7 @@ class BenchReport:
     measurements: Sequence[Measurement]
 
     def to_mapping(self) -> dict[str, Any]:
-        """Plain values, for JSON."""
+        """Return plain values, for JSON."""
         return {"machine": self.machine, "cases": [one.to_mapping() for one in self.measurements]}
 
 
@@ -100,7 +100,7 @@ def write_bench(report: BenchReport, folder: Path, plot: bool = True) -> list[Pa
 
 
 def machine_facts() -> dict[str, Any]:
-    """What to write beside figures; what cannot be known is None."""
+    """Return what figures depend on besides the program; what cannot be known is None."""
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
     return {
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -114,7 +114,7 @@ def machine_facts() -> dict[str, Any]:
 
 
 def resident_mb() -> float | None:
-    """Memory that this process has in use (MB, 10^6 bytes); None where the system does not say."""
+    """Return the memory that this process uses (MB, 10^6 bytes); None where the system has no such file."""
     return _megabytes(_STATUS_FILE, "VmRSS")
 
 
@@ -124,7 +124,7 @@ def _megabytes(path: Path, key: str) -> float | None:
 
 
 def _entry(path: Path, key: str) -> str | None:
-    """The value of the first line `key: value` of one of Linux's files."""
+    """Return the value of the first line `key: value` of one of Linux's files."""
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except OSError:  # another system
@@ -150,7 +150,7 @@ class Line:
 
 
 def figure_class() -> type["Figure"]:
-    """Matplotlib's figure, which needs no display.
+    """Return Matplotlib's figure class, which needs no display.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -192,7 +192,7 @@ def _modes(measurements: Sequence[Measurement]) -> list[str]:
 
 
 def _threads(measurements: Sequence[Measurement]) -> list[int]:
-    """What was asked for; one environment has one thread in any case."""
+    """Return the numbers of threads asked for; one environment always has one thread."""
     return sorted({one.case.num_threads for one in measurements if one.case.num_envs > 1}) or [1]
 
 

@@ -68,7 +68,7 @@ def print_checks(reports: Sequence["ObjectReport"]) -> None:
 
 
 def print_to(console: "Console", reports: Sequence["ObjectReport"]) -> None:
-    """`print_checks` on a given console."""
+    """Print tables, faults and a summary to a given console."""
     for category in dict.fromkeys(report.category for report in reports if report.category):
         console.print(category_table(category, [report for report in reports if report.category == category]))
     faulty = [report for report in reports if not report.passed]
@@ -88,7 +88,7 @@ def print_to(console: "Console", reports: Sequence["ObjectReport"]) -> None:
 
 
 def category_table(category: str, reports: Sequence["ObjectReport"]) -> "Table":
-    """One row per object: of each check the value nearest to its limit, or beyond it.
+    """Return one row per object: of each check the value nearest to its limit, or beyond it.
 
     Checks that passed everywhere and have no values get no column.
     """
@@ -104,7 +104,7 @@ def category_table(category: str, reports: Sequence["ObjectReport"]) -> "Table":
 
 
 def fault_table(reports: Sequence["ObjectReport"]) -> "Table":
-    """One row per result that is not legal."""
+    """Return one row per result that is not legal."""
     from rich.text import Text
 
     table = make_table(("object", "check", "what"), (), title="faults")
@@ -120,7 +120,7 @@ def fault_table(reports: Sequence["ObjectReport"]) -> "Table":
 
 
 def _shown(report: "ObjectReport") -> Iterator[tuple[str, ...]]:
-    """Cells of an object's faults, the gravest of each check first; of many alike only some."""
+    """Yield cells of an object's faults, the gravest of each check first; of many similar ones only some."""
     for check in dict.fromkeys(fault.check for fault in report.failures()):
         faults = sorted((f for f in report.failures() if f.check == check), key=_strain, reverse=True)
         shown = faults if len(faults) <= _MOST_ROWS + 1 else faults[:_MOST_ROWS]
@@ -131,7 +131,7 @@ def _shown(report: "ObjectReport") -> Iterator[tuple[str, ...]]:
 
 
 def _cell(results: Sequence["CheckResult"], unit: str) -> "Text":
-    """The gravest result; of those that passed, only such with the column's unit are shown."""
+    """Return the gravest result; of those that passed, only those with the column's unit count."""
     faults = [result for result in results if not result.passed]
     shown = faults or [result for result in results if result.value is not None and result.unit == unit]
     if not shown:
@@ -144,7 +144,7 @@ def _cell(results: Sequence["CheckResult"], unit: str) -> "Text":
 
 
 def _strain(result: "CheckResult") -> tuple[bool, float]:
-    """How near a result is to its limit, a failed one before all others."""
+    """Return how near a result is to its limit, a failed one before all others."""
     low, high = result.limit
     if result.value is None:
         return not result.passed, 0.0

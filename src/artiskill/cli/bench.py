@@ -107,7 +107,7 @@ def print_bench(report: "BenchReport") -> None:
 
 
 def bench_table(measurements: "Sequence[Measurement]") -> "Table":
-    """One row per case, a section per task."""
+    """Return one row per case, a section per task."""
     table = make_table(("task", "mode"), ())
     for name in ("envs", "threads", "steps/s", "engine/s", "share", "+ resets", "reset ms", "MB"):
         table.add_column(name, justify="right", no_wrap=True)

@@ -145,7 +145,7 @@ def _run_evaluate(arguments: argparse.Namespace) -> None:
 
 @contextmanager
 def _note_earlier_report(folder: Path | None) -> Iterator[None]:
-    """Where an evaluation fails, say that the report in its folder is an earlier one's."""
+    """Print a note if an evaluation fails and its folder holds an earlier report."""
     try:
         yield
     except BaseException:  # Ctrl-C, too

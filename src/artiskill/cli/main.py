@@ -22,8 +22,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: without the program's name; by default the process's own.
 
     Returns:
-        0, or what the command says, 1 where it found faults; 2 after an error that was explained in one line; 130
-        after Ctrl-C; 141 if the reader of the output left.
+        0, or the command's own status, 1 where it found faults; 2 after an error that was explained in one line;
+        130 after Ctrl-C; 141 if the reader of the output left.
     """
     argv = list(sys.argv[1:] if argv is None else argv)
     debug = "--debug" in argv

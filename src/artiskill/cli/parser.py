@@ -30,7 +30,7 @@ class Parser(argparse.ArgumentParser):
         raise UsageError(f"{message} (see {self.prog} --help)")
 
     def parse_strictly(self, argv: Sequence[str] | None) -> argparse.Namespace:
-        """`parse_args` that names the nearest option of the command for an unknown one.
+        """Parse arguments; an error about an unknown option names the command's nearest one.
 
         Raises:
             UsageError: the command line does not follow the help.
@@ -47,7 +47,7 @@ class Parser(argparse.ArgumentParser):
         return command.error(f"unexpected argument {shown(unknown[0])}")
 
     def _get_value(self, action: argparse.Action, text: str) -> Any:
-        """Argparse's conversion; no path is empty, which would be the working directory, or impossible."""
+        """Convert as argparse does; refuse an impossible path, and an empty one (the working directory)."""
         name = "/".join(action.option_strings) or action.dest
         if len(text) > _MOST_CHARACTERS:
             raise UsageError(f"{name} is too long: {len(text)} characters, of {_MOST_CHARACTERS} that are legal")
@@ -68,7 +68,7 @@ class Parser(argparse.ArgumentParser):
             raise UsageError(f"{name} takes no {shown(text)}") from error
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        """Argparse's check of `choices`, which argparse makes, with our message."""
+        """Check `choices` as argparse does, with our message."""
         if action.choices is not None and value not in action.choices:
             kind = (
                 "command" if isinstance(action, argparse._SubParsersAction) else str(action.metavar or action.dest)
@@ -130,7 +130,7 @@ def workers_of(arguments: argparse.Namespace) -> int:
 
 
 def overrides_of(pairs: Sequence[str]) -> dict[str, Any]:
-    """`["success.open_fraction=0.5"]` as `{"success.open_fraction": 0.5}`; values are read as YAML.
+    """Return `["success.open_fraction=0.5"]` as `{"success.open_fraction": 0.5}`; values are YAML.
 
     Raises:
         UsageError: a pair without `=`, or a value that is no YAML.
@@ -139,7 +139,7 @@ def overrides_of(pairs: Sequence[str]) -> dict[str, Any]:
     for pair in pairs:
         key, equals, text = pair.partition("=")
         if not key or not equals:
-            raise UsageError(f"--set takes key=value, success.open_fraction=0.5 say, not {shown(pair)}")
+            raise UsageError(f"--set needs KEY=VALUE, for example success.open_fraction=0.5, not {shown(pair)}")
         try:
             overrides[key] = parse_yaml(text)
         except ValueError as error:

@@ -153,7 +153,7 @@ class BatchJob:
     step_timeout_s: float | None
 
     def load_policy(self, send: Send) -> Actor:
-        """The one that acts."""
+        """Load the policy, within its time limit."""
         if self.load_timeout_s is None:
             return load_policy(self.batch.policy)
         actor = load_within(self.batch.policy, self.load_timeout_s, send)
@@ -203,7 +203,7 @@ def run_episode(
 
 
 def _run_batch(job: BatchJob, send: Send) -> list[EpisodeResult]:
-    """Environment and policy are made anew for every batch: no object's episodes know of another's."""
+    """Play a batch in a new environment with a new policy, so that no object's episodes depend on another's."""
     env, actor = job.batch.make_env(), job.load_policy(send)
     results = []
     for level in job.batch.levels:

@@ -121,7 +121,7 @@ def _run_steps(env: ManipulationEnv, actor: Actor | None, level: int, steps: int
 
     Args:
         env: as in `run_episode`.
-        actor: who acts; None where nobody does, for 0 steps.
+        actor: the policy; None for 0 steps.
         level: which episode.
         steps: how many.
 
@@ -231,7 +231,7 @@ def save_demos_picture(
 
 
 def most_different(file: DemoFile, numbers: list[int], count: int) -> list[int]:
-    """Numbers of demonstrations, in order: the first one, then always the one farthest from all chosen before.
+    """Return the numbers of demonstrations: the first, then always the one farthest from all chosen before.
 
     Far is how the robot goes: its base in the object's frame at the begin, and its joints.
     """
@@ -244,7 +244,7 @@ def most_different(file: DemoFile, numbers: list[int], count: int) -> list[int]:
 
 
 def _way(trajectory: Trajectory) -> np.ndarray:
-    """Some moments of a trajectory, side by side."""
+    """Return some moments of a trajectory, side by side."""
     states = trajectory.states
     steps = np.linspace(0, len(trajectory), _SAMPLES).astype(int)
     robot = states["robot_qpos"][steps].astype(np.float64)
@@ -256,7 +256,7 @@ def _way(trajectory: Trajectory) -> np.ndarray:
 def _strip(
     trajectory: Trajectory, file: DemoFile, obj: ArticulatedObject, style: PictureStyle, moments: int
 ) -> np.ndarray:
-    """Moments of a demonstration side by side, from one direction; it is simulated once more."""
+    """Simulate a demonstration again and draw its moments side by side, from one direction."""
     env = file.make_env(obj=obj)
     env.reset(options={"level": trajectory.level, "object": obj, "target": trajectory.target})
     steps = np.linspace(0, len(trajectory), moments).astype(int).tolist()

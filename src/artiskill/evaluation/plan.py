@@ -71,7 +71,7 @@ class EpisodeBatch:
         return object_id_of(self.object), self.target or ANY_TARGET
 
     def make_env(self, render_mode: str | None = None) -> ManipulationEnv:
-        """Its environment."""
+        """Make its environment."""
         return ManipulationEnv(
             task=self.task,
             objects=[self.object],
@@ -135,7 +135,7 @@ def plan_evaluation(
     config: Mapping[str, Any] | None = None,
     load_timeout_s: float = LOAD_TIMEOUT_S,
 ) -> EvaluationPlan:
-    """Check everything that can be checked beforehand; the arguments are those of `evaluate`.
+    """Check everything before the first episode; the arguments are those of `evaluate`.
 
     A solution file is run in a process of its own, to see what it needs.
 
@@ -166,7 +166,7 @@ def plan_evaluation(
 
 @dataclass(frozen=True)
 class PolicySpec:
-    """What a policy says of itself: `name`, `obs_mode` and `control_mode` as of `Actor`."""
+    """What a policy declares: `name`, `obs_mode` and `control_mode` as of `Actor`."""
 
     name: str
     obs_mode: str | None
@@ -174,7 +174,7 @@ class PolicySpec:
 
 
 def inspect_policy(policy: Any, load_timeout_s: float = LOAD_TIMEOUT_S) -> PolicySpec:
-    """Load a policy to see what it says of itself; the code of a solution file never runs in this process.
+    """Load a policy to see what it declares; the code of a solution file never runs in this process.
 
     Raises:
         UnknownNameError: text that is neither a policy's name nor looks like a Python file.
@@ -192,13 +192,13 @@ def _inspect(path: str, send: Send, limit_s: float) -> PolicySpec:
 
 
 def _spec_of(actor: Actor) -> PolicySpec:
-    """As plain text, which any process can read."""
+    """Return an actor's name and modes as plain text, which any process can read."""
     said = (actor.name, actor.obs_mode, actor.control_mode)
     return PolicySpec(*(None if value is None else "".join(value) for value in said))  # type: ignore[arg-type]
 
 
 def _mode(kind: str, asked: str | None, actor: PolicySpec) -> str | None:
-    """The mode that was asked for, else the one that the policy needs."""
+    """Return the mode that was asked for, else the one that the policy needs."""
     needed: str | None = getattr(actor, kind)
     if asked is not None and needed not in (None, asked):
         raise PolicyError(f"{actor.name} needs {kind} {needed!r}, but {asked!r} was asked for")

@@ -39,7 +39,7 @@ class Actor(Protocol):
         """Begin an episode, whose first observation and info these are."""
 
     def act(self, env: ManipulationEnv, observation: Any) -> Any:
-        """The next action, (A,) in [-1, 1]."""
+        """Return the next action, (A,) in [-1, 1]."""
 
 
 class ExpertActor:
@@ -62,7 +62,7 @@ class ExpertActor:
         self._expert.reset(env.snapshot, env.goal)
 
     def act(self, env: ManipulationEnv, observation: Any) -> np.ndarray:
-        """The expert's action in the environment's control mode, (A,)."""
+        """Return the expert's action in the environment's control mode, (A,)."""
         assert self._expert is not None
         return env.control.of_joint_action(self._expert.act(env.snapshot, env.goal), env.snapshot)
 
@@ -88,7 +88,7 @@ class DemonstratorActor:
         self._demonstrator.begin(env)
 
     def act(self, env: ManipulationEnv, observation: Any) -> np.ndarray:
-        """The action that a collection would store, (A,)."""
+        """Return the action that a collection would store, (A,)."""
         assert self._demonstrator is not None
         return self._demonstrator.act(env)
 
@@ -108,7 +108,7 @@ class RandomActor:
         self._generator = level_generator(info["level"], RngStream.RANDOM_ACTIONS, of=(info["object"],))
 
     def act(self, env: ManipulationEnv, observation: Any) -> np.ndarray:
-        """Uniform in [-1, 1], (A,)."""
+        """Return a uniform action in [-1, 1], (A,)."""
         return self._generator.uniform(-1.0, 1.0, env.action_space.shape or ())
 
 
@@ -120,10 +120,10 @@ class StillActor:
     control_mode: str | None = None
 
     def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
-        """Nothing to prepare."""
+        """Do nothing."""
 
     def act(self, env: ManipulationEnv, observation: Any) -> np.ndarray:
-        """Zeros, (A,)."""
+        """Return zeros, (A,)."""
         return np.zeros(env.action_space.shape or ())
 
 
@@ -143,7 +143,7 @@ class SolutionActor:
         self._solution.reset(observation, info)
 
     def act(self, env: ManipulationEnv, observation: Any) -> np.ndarray:
-        """The policy's action, (A,) and finite.
+        """Return the policy's action, (A,) and finite.
 
         Raises:
             PolicyError: the policy raises or returns no legal action.
@@ -152,9 +152,9 @@ class SolutionActor:
 
 
 class TimedActor:
-    """An actor that sends a deadline for each action; whoever receives it ends the process if it is missed.
+    """An actor that sends a deadline for each action; the parent process ends this one if it is missed.
 
-    Nothing inside a process can stop whatever code a policy runs there.
+    No code of the same process could stop a policy.
 
     Args:
         actor: who acts.
@@ -175,7 +175,7 @@ class TimedActor:
         self._send(NO_DEADLINE)
 
     def act(self, env: ManipulationEnv, observation: Any) -> Any:
-        """The actor's action."""
+        """Return the actor's action."""
         self._begin("no action", f"{self._where}, step {self._step}")
         self._step += 1
         action = self._actor.act(env, observation)
@@ -196,7 +196,7 @@ POLICY_NAMES = tuple(_ACTORS)
 
 
 def load_policy(policy: Any) -> Actor:
-    """The actor of a name, of a solution file, or of a function or `Policy` object.
+    """Return the actor of a name, of a solution file, or of a function or `Policy` object.
 
     Args:
         policy: one of `POLICY_NAMES`, the path of a Python file (see docs/evaluation.md), a function
@@ -213,7 +213,7 @@ def load_policy(policy: Any) -> Actor:
 
 
 def solution_path(policy: Any) -> Path | None:
-    """The file of a policy that is a solution file; None of any other policy.
+    """Return the file of a policy that is a solution file; None for any other policy.
 
     Raises:
         UnknownNameError: text that is neither a policy's name nor looks like a Python file.
@@ -227,7 +227,7 @@ def solution_path(policy: Any) -> Path | None:
 
 
 def load_within(policy: Any, limit_s: float, send: Send) -> Actor:
-    """`load_policy` in a process of its own, which is ended if it takes too long.
+    """Load a policy in a process of its own, which is ended if it takes too long.
 
     Python's and NumPy's global generators start from the same numbers, whatever the process did before.
 

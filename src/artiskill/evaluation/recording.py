@@ -146,7 +146,7 @@ class EpisodeRecorder:
             self._captions.append(episode_caption(env, done))
 
     def draw(self, on_frame: Callable[[FrameDrawn], Any] | None = None) -> list[np.ndarray]:
-        """The frames, (H, W, 3) uint8 each; the last one stays for `LAST_FRAME_S`.
+        """Draw the frames, (H, W, 3) uint8 each; the last one stays for `LAST_FRAME_S`.
 
         Args:
             on_frame: called after each frame.
@@ -172,7 +172,7 @@ def draw_moments(
     captions: Sequence[str] = (),
     calm_frames: int = 0,
 ) -> Iterator[np.ndarray]:
-    """Pictures of an episode from one direction, one after the other.
+    """Draw moments of an episode from one direction, one after the other.
 
     Args:
         task: what is asked.
@@ -199,7 +199,7 @@ def draw_moments(
 
 
 def episode_caption(env: ManipulationEnv, done: bool) -> str:
-    """Object, target, how far open or how far from its goal, and how it ended."""
+    """Return a caption: object, target, how far open or how far from its goal, and how the episode ended."""
     state = env.save_state()
     parts = [state.object, state.target]
     goal = env.goal
@@ -264,7 +264,7 @@ def shown_points(scene: Scene, snapshots: Sequence[Snapshot]) -> list[np.ndarray
 
 
 def _outlines(scene: Scene) -> dict[int, np.ndarray]:
-    """By body, the corners of the convex hull of what is drawn of it, in its frame."""
+    """Return by body the corners of its drawn parts' convex hull, in its frame."""
     first, last = scene.index.object_bodies.start, scene.index.object_bodies.stop
     own = set(_object_bodies(scene))
     vertices: dict[int, list[np.ndarray]] = {}
@@ -282,7 +282,7 @@ def _hull_corners(points: np.ndarray) -> np.ndarray:
 
 
 def _directions(scene: Scene, viewpoint: Viewpoint) -> list[tuple[float, float]]:
-    """Azimuths and elevations, degrees, of which the best is chosen; what is given of them is kept."""
+    """Return azimuths and elevations (degrees) to choose from; those that are given are kept."""
     found = [
         (
             azimuth if viewpoint.azimuth_deg is None else viewpoint.azimuth_deg,
@@ -294,7 +294,7 @@ def _directions(scene: Scene, viewpoint: Viewpoint) -> list[tuple[float, float]]
 
 
 def _best(scene: Scene, target: str, snapshots: Sequence[Snapshot], films: Sequence[Sequence[Camera]]) -> int:
-    """Which of several films sees best what matters, by the sum of the logarithms of its shares of the pictures.
+    """Return which camera path shows best what matters, by the sum of the logarithms of picture shares.
 
     By the logarithm, what is nearly hidden in one film weighs more than what is large in another; more than enough
     is worth no more, so that no robot stands before its cabinet for being large.
@@ -312,7 +312,7 @@ def _best(scene: Scene, target: str, snapshots: Sequence[Snapshot], films: Seque
 
 
 def _what_matters(scene: Scene, target: str) -> list[np.ndarray]:
-    """Numbers of the visuals that must be seen: the object, what moves, its handles, hands, robot, and goal."""
+    """Return numbers of visuals that must be seen: object, moved part, handles, hands, robot and goal."""
     bodies = np.array([body for body, _ in scene.visuals])
     robot = scene.robot.bodies
     number = {name: scene.model.body(name).id for name in (*robot, *(prop.body for prop in scene.props))}
@@ -328,7 +328,7 @@ def _what_matters(scene: Scene, target: str) -> list[np.ndarray]:
 
 
 def _object_bodies(scene: Scene) -> list[int]:
-    """Of the object's links, but not of a wall that it hangs on."""
+    """Return the bodies of the object's links, without a wall that it hangs on."""
     first = scene.index.object_bodies.start
     return [first + number for number in scene.object.own_links]
 

@@ -293,7 +293,7 @@ def _replace_all(new: Path, folder: Path) -> None:
 
 
 def check_report_folder(folder: Path) -> None:
-    """`check_output_folder`, and that all files of a report can have their places in it.
+    """Check that a report could be written to a folder, without making it.
 
     Raises:
         ConfigError: they cannot.

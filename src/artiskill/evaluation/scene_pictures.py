@@ -85,7 +85,7 @@ class SceneRenderer:
         self._observer.enter(scene, target)
 
     def draw(self, instant: ObservationContext, camera: Camera | None = None) -> np.ndarray:
-        """The picture, (H, W, 3) uint8; all views but `sensor` need a camera."""
+        """Draw the picture, (H, W, 3) uint8; all views but `sensor` need a camera."""
         view, masks = self._style.view, self._style.masks
         if view == "sensor":
             return self._draw_strip(self._see(instant)[0], masks)
@@ -101,7 +101,7 @@ class SceneRenderer:
         return below([upper, *(of_width(strip, upper.shape[1]) for strip in strips)])
 
     def _see(self, instant: ObservationContext) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """What the robot's cameras see, as a full cloud, and (C, 4, 4) world to camera."""
+        """Return what the robot's cameras see, as a full cloud, and (C, 4, 4) world to camera."""
         observation = empty_observation(self._observer.space)
         info = self._observer.observe(instant, observation)
         return observation["pointcloud"], info["cameras"]["world_to_camera"]
@@ -122,14 +122,14 @@ class SceneRenderer:
         return draw_points(cloud["xyz"][seen], colours, camera, _POINT_RADIUS_M)
 
     def _draw_strip(self, cloud: dict[str, np.ndarray], masks: bool) -> np.ndarray:
-        """The cameras' pictures from left to right: a full cloud has a point per pixel."""
+        """Draw the cameras' pictures from left to right: a full cloud has a point per pixel."""
         rgb = cloud["rgb"].reshape(*self._image_shape, 3)
         if masks:
             rgb = paint_masks(rgb, cloud["seg"].reshape(*self._image_shape, -1))
         return beside(list(rgb))
 
     def _draw_depth(self, cloud: dict[str, np.ndarray], world_to_camera: np.ndarray) -> np.ndarray:
-        """Likewise how far along each optical axis the points are."""
+        """Draw the cameras' depth, along each optical axis, from left to right."""
         xyz = cloud["xyz"].reshape(self._image_shape[0], -1, 3)
         axis, shift = world_to_camera[:, 2, :3], world_to_camera[:, 2, 3]
         depth = np.where(xyz.any(axis=2), (xyz * axis[:, None]).sum(axis=2) + shift[:, None], 0.0)
@@ -137,7 +137,7 @@ class SceneRenderer:
 
 
 def check_size(width: int | None, height: int | None) -> None:
-    """Sides of a picture in pixels, None for the usual.
+    """Check the sides of a picture in pixels, None for the default.
 
     Raises:
         ConfigError: one is not in range.

@@ -56,7 +56,7 @@ class Solution:
 
     @classmethod
     def of_object(cls, policy: Any, name: str | None = None) -> "Solution":
-        """Of a function or an object with `obs_mode`, `reset` and `act`, and perhaps `control_mode`.
+        """Wrap a function or an object with `obs_mode`, `reset` and `act`, and perhaps `control_mode`.
 
         Raises:
             PolicyError: it is neither, or its `obs_mode` or `control_mode` is unknown.
@@ -92,7 +92,7 @@ class Solution:
             _guarded(lambda: reset(observation, shown), self.name, "reset() raised", self._where)
 
     def act(self, observation: Any, shape: tuple[int, ...]) -> np.ndarray:
-        """The next action, `shape` and finite.
+        """Return the next action, of that shape and finite.
 
         Raises:
             PolicyError: `act` raises, or what it returns is no legal action.
@@ -115,7 +115,7 @@ class Solution:
 def read_solution(path: Path) -> Solution:
     """Run a solution file and take its policy; the file's folder joins `sys.path`, as for any Python script.
 
-    Each call runs the file anew and leaves no compiled file behind.
+    Each call runs the file again and leaves no compiled file behind.
 
     Raises:
         PolicyError: the file is missing, does not import, has neither or both of the legal forms, or its `Policy`
@@ -162,7 +162,7 @@ def _import_file(path: Path) -> ModuleType:
 
 
 def _guarded(call: Callable[[], Any], name: str, what: str, where: str = "") -> Any:
-    """The call's result; whatever it raises, as a `PolicyError` with the solution's line."""
+    """Return the call's result; raise any error as a `PolicyError` with the solution's line."""
     try:
         return call()
     except BaseException as error:  # anything may come out of foreign code, sys.exit() included
@@ -175,7 +175,7 @@ def _guarded(call: Callable[[], Any], name: str, what: str, where: str = "") -> 
 
 
 def _line_of(error: BaseException, name: str) -> int | None:
-    """The last line of the file that was on the way to the error."""
+    """Return the last line of the file in the error's traceback."""
     if isinstance(error, SyntaxError) and error.filename == name:
         return error.lineno
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == name]
@@ -183,7 +183,7 @@ def _line_of(error: BaseException, name: str) -> int | None:
 
 
 def _one_line(error: BaseException) -> str:
-    """`ValueError: what it says`, shortened."""
+    """Return `ValueError: its message`, shortened."""
     says = error.msg if isinstance(error, SyntaxError) else str(error)
     says = " ".join(says.split())
     says = says if len(says) <= 300 else says[:297] + "..."

@@ -62,7 +62,7 @@ def write_video(path: Path | str, frames: Sequence[np.ndarray], frames_per_secon
 
 
 def caption(frame: np.ndarray, text: str) -> np.ndarray:
-    """A copy of a frame (H, W, 3) uint8 with a line of text on a dark band at its lower edge.
+    """Return a copy of a frame (H, W, 3) uint8 with a line of text on a dark band at its lower edge.
 
     Text too wide for the picture is set smaller, down to a legible size, and then cut.
     """
@@ -87,19 +87,19 @@ def caption(frame: np.ndarray, text: str) -> np.ndarray:
 
 
 def caption_share(height: int) -> float:
-    """The share of a picture of so many pixels that its caption takes up at the lower edge, half of it at most."""
+    """Return the share of a picture's height, in pixels, that its caption takes up: half of it at most."""
     size, margin = _caption_size(height)
     return min((size + 2 * margin) / height, 0.5)
 
 
 def _caption_size(height: int) -> tuple[int, int]:
-    """Pixels of the letters, before they may have to be smaller, and of the margin above and below them."""
+    """Return the height of letters, before they may have to be smaller, and the margin above and below, pixels."""
     size = max(_CAPTION_MIN_PX, round(_CAPTION_SHARE * height))
     return size, size // 2
 
 
 def _checked(frames: Sequence[np.ndarray]) -> np.ndarray:
-    """All frames as one array (T, H, W, 3) uint8."""
+    """Return all frames as one array (T, H, W, 3) uint8."""
     if len(frames) == 0:
         raise ConfigError("a video needs at least one frame, not none")
     first = np.asarray(frames[0]).shape
@@ -115,7 +115,7 @@ def _checked(frames: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _write_gif(path: Path, frames: np.ndarray, frames_per_second: float) -> None:
-    """One palette for all frames and the same grain in each: still parts stay still, and gradients smooth."""
+    """Write a GIF: one palette for all frames and the same dither in each, so that still parts stay still."""
     palette = _shared_palette(frames)
     table = _nearest_colours(palette)
     shift = 8 - _LOOKUP_BITS
@@ -135,7 +135,7 @@ def _write_gif(path: Path, frames: np.ndarray, frames_per_second: float) -> None
 
 
 def _grain(height: int, width: int) -> np.ndarray:
-    """(H, W, 1) ordered dither: the 4 x 4 Bayer matrix, a palette's step from least to most."""
+    """Return ordered dither, (H, W, 1): the 4 x 4 Bayer matrix, a palette's step from least to most."""
     two = np.array([[0, 2], [3, 1]])
     four = np.block([[4 * two + two[0, 0], 4 * two + two[0, 1]], [4 * two + two[1, 0], 4 * two + two[1, 1]]])
     tile = ((four + 0.5) / 16 - 0.5) * _GRAIN_LEVELS
@@ -143,7 +143,7 @@ def _grain(height: int, width: int) -> np.ndarray:
 
 
 def _shared_palette(frames: np.ndarray) -> np.ndarray:
-    """(C, 3) colours that serve all frames, by median cut over samples of some of them."""
+    """Return (C, 3) colours that serve all frames, by median cut over samples of some of them."""
     chosen = np.unique(np.linspace(0, len(frames) - 1, _PALETTE_FRAMES).round().astype(int))
     pixels = frames[chosen].reshape(-1, 3)
     stride = max(1, len(pixels) // _PALETTE_PIXELS)
@@ -154,7 +154,7 @@ def _shared_palette(frames: np.ndarray) -> np.ndarray:
 
 
 def _nearest_colours(palette: np.ndarray) -> np.ndarray:
-    """(n, n, n) uint8 index of the palette's nearest colour for each cell of a coarse colour cube."""
+    """Return the index of the palette's nearest colour for each cell of a coarse colour cube, (n, n, n) uint8."""
     n = 1 << _LOOKUP_BITS
     centres = (np.arange(n) * 256 + 128) // n
     cube = np.stack(np.meshgrid(centres, centres, centres, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -45,7 +45,7 @@ class ObjectFacts:
         triangles: drawn.
         shapes: that touch.
         content_hash: `ArticulatedObject.content_hash`.
-        more: what else its metadata tells, as text.
+        more: the rest of its metadata, as text.
     """
 
     id: str
@@ -64,7 +64,7 @@ class ObjectFacts:
 
 
 def object_facts(obj: ArticulatedObject) -> ObjectFacts:
-    """Collect them from the object itself, and its split from the catalogue."""
+    """Return the facts of an object, its split from the catalogue."""
     meta = obj.metadata
     depth, width, height = (round(float(v), _DIGITS) for v in np.ptp(obj.bounds, axis=0))
     return ObjectFacts(
@@ -85,13 +85,13 @@ def object_facts(obj: ArticulatedObject) -> ObjectFacts:
 
 
 def object_mass_kg(obj: ArticulatedObject) -> float:
-    """Mass of the object itself, from densities and collision shapes."""
+    """Return the mass of the object itself, from densities and collision shapes."""
     own = (obj.links[i] for i in obj.own_links)
     return sum(link.density_kg_m3 * shapes_volume_m3(link.collisions) for link in own)
 
 
 def split_of(obj: ArticulatedObject) -> str:
-    """The catalogue's split of a generated object that it lists, else where the object comes from."""
+    """Return the catalogue's split of a generated object that it lists, else where the object comes from."""
     source = {"generated": GENERATED, "PartNet-Mobility": IMPORTED}.get(str(obj.metadata.get("source")), OWN)
     entry = read_catalog().get(obj.id)
     return entry[1].split if entry is not None and source == GENERATED else source
@@ -126,7 +126,7 @@ class Measure:
 
     Attributes:
         name: for people.
-        unit: likewise, empty for counts.
+        unit: for people; empty for counts.
         of: the number.
     """
 
@@ -156,7 +156,7 @@ KINDS: dict[str, Callable[[ObjectFacts], tuple[str, ...]]] = {
 
 
 def by_split(facts: Sequence[ObjectFacts]) -> dict[str, list[ObjectFacts]]:
-    """Objects of each split, splits in their usual order, empty ones left out."""
+    """Return the objects of each split, splits in their usual order, empty ones left out."""
     found: dict[str, list[ObjectFacts]] = {}
     for split in SPLIT_ORDER:
         members = [fact for fact in facts if fact.split == split]
@@ -166,18 +166,18 @@ def by_split(facts: Sequence[ObjectFacts]) -> dict[str, list[ObjectFacts]]:
 
 
 def shares(facts: Sequence[ObjectFacts], kinds_of: Callable[[ObjectFacts], tuple[str, ...]]) -> dict[str, int]:
-    """How many objects have each kind, in alphabetical order."""
+    """Count how many objects have each kind, in alphabetical order."""
     counts = Counter(kind for fact in facts for kind in kinds_of(fact))
     return dict(sorted(counts.items()))
 
 
 def present_kinds(facts: Sequence[ObjectFacts]) -> list[str]:
-    """The keys of `KINDS` in which these objects have any kind at all."""
+    """Return the keys of `KINDS` in which these objects have any kind at all."""
     return [title for title, kinds_of in KINDS.items() if any(kinds_of(fact) != (NONE,) for fact in facts)]
 
 
 def bin_edges(values: Sequence[float], is_count: bool, most: int = 14) -> np.ndarray:
-    """Edges of bins of one round width that hold all values; a bin for each whole number of a small count."""
+    """Return edges of bins of one round width that hold all values; small counts get a bin for each number."""
     low, high = min(values), max(values)
     width = 1.0 if is_count and high - low < most else _round_width((high - low) / (most - 2))
     if is_count:
@@ -188,7 +188,7 @@ def bin_edges(values: Sequence[float], is_count: bool, most: int = 14) -> np.nda
 
 
 def _round_width(least: float) -> float:
-    """The smallest of 1, 2, 2.5 and 5 times a power of ten that is no less."""
+    """Return the smallest of 1, 2, 2.5 and 5 times a power of ten that is no less."""
     if least <= 0:
         return 1.0
     power = 10.0 ** np.floor(np.log10(least))
@@ -196,7 +196,7 @@ def _round_width(least: float) -> float:
 
 
 def split_table(facts: Sequence[ObjectFacts]) -> str:
-    """A row per split: how many objects, and each measure's smallest value, median and largest."""
+    """Return a table with a row per split: number of objects, and each measure's minimum, median and maximum."""
     head = ["split", "objects", *(f"{m.name}, {m.unit}" if m.unit else m.name for m in MEASURES)]
     rows = [
         [split, str(len(members)), *(_spread([m.of(fact) for fact in members], m) for m in MEASURES)]
@@ -206,7 +206,7 @@ def split_table(facts: Sequence[ObjectFacts]) -> str:
 
 
 def kinds_table(facts: Sequence[ObjectFacts], title: str) -> str:
-    """A row per kind: how many objects of each split have it."""
+    """Return a table with a row per kind: how many objects of each split have it."""
     splits = by_split(facts)
     counts = {split: shares(members, KINDS[title]) for split, members in splits.items()}
     kinds = sorted({kind for row in counts.values() for kind in row})
@@ -222,6 +222,6 @@ def _spread(values: list[float], measure: Measure) -> str:
 
 
 def markdown(head: list[str], rows: list[list[str]]) -> str:
-    """A table of texts."""
+    """Return a Markdown table."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)

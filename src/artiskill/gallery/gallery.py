@@ -194,7 +194,7 @@ def write_page(
 
 
 def _charts(facts: Sequence[ObjectFacts]) -> str:
-    """A figure per category that there are objects of."""
+    """Return a figure for each category with objects."""
     figures = []
     for category in CATEGORIES:
         members = [fact for fact in facts if fact.category == category]
@@ -204,7 +204,7 @@ def _charts(facts: Sequence[ObjectFacts]) -> str:
 
 
 def _script_safe(text: str) -> str:
-    """JSON that no browser takes for the end of a script."""
+    """Return JSON that no browser takes for the end of a script."""
     return text.replace("</", "<\\/").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
@@ -213,7 +213,7 @@ def _template(name: str) -> str:
 
 
 def category_chart(facts: Sequence[ObjectFacts]) -> str:
-    """One SVG of all distributions of one category's objects."""
+    """Return one SVG of all distributions of one category's objects."""
     splits = by_split(facts)
     pieces: list[str] = []
     panel_height = _TITLE + _ROW * len(splits) + _AXIS
@@ -238,7 +238,7 @@ def category_chart(facts: Sequence[ObjectFacts]) -> str:
 
 
 def _histograms(splits: dict[str, list[ObjectFacts]], measure: Measure) -> str:
-    """A panel: one row of bars per split, all on one axis and one scale of shares."""
+    """Return a panel: one row of bars per split, all on one axis and one scale of shares."""
     values = {split: [measure.of(fact) for fact in members] for split, members in splits.items()}
     edges = bin_edges([v for row in values.values() for v in row], measure.is_count)
     counts = {split: np.histogram(row, edges)[0] for split, row in values.items()}
@@ -261,7 +261,7 @@ def _histograms(splits: dict[str, list[ObjectFacts]], measure: Measure) -> str:
 
 
 def _axis(edges: np.ndarray, measure: Measure, width: float, y: float) -> list[str]:
-    """Numbers below the rows: some edges, or the whole numbers that bins of a count stand for."""
+    """Return the numbers below the rows: some edges, or the whole numbers that bins of a count stand for."""
     by_one = measure.is_count and edges[1] - edges[0] == 1
     places = edges[:-1] + 0.5 if by_one else edges
     step = max(1, round(len(places) / (7 if by_one else 5)))
@@ -280,7 +280,7 @@ def _bin_label(edges: np.ndarray, i: int, measure: Measure) -> str:
 
 
 def _bars(splits: dict[str, list[ObjectFacts]], title: str, width: int) -> tuple[str, int]:
-    """A panel: for each kind, a bar per split as long as its share of the split's objects; and its height."""
+    """Return a panel, for each kind a bar per split as long as its share of objects, and its height."""
     counts = {split: shares(members, KINDS[title]) for split, members in splits.items()}
     kinds = sorted({kind for row in counts.values() for kind in row})
     longest = max(count / len(splits[split]) for split, row in counts.items() for count in row.values())

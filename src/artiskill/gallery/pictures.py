@@ -91,7 +91,7 @@ class GalleryConfig:
 
 
 def load_gallery_config(overrides: Mapping[str, Any] | None = None) -> GalleryConfig:
-    """The values of configs/gallery.yaml, with overrides such as `{"steps": 3}`.
+    """Load configs/gallery.yaml, with overrides such as `{"steps": 3}`.
 
     Raises:
         ConfigError: an unknown key or an illegal value.
@@ -100,7 +100,7 @@ def load_gallery_config(overrides: Mapping[str, Any] | None = None) -> GalleryCo
 
 
 def draw_frames(obj: ArticulatedObject, config: GalleryConfig) -> np.ndarray:
-    """All pictures of an object, (views * height, steps * width, 3) uint8.
+    """Draw all pictures of an object, (views * height, steps * width, 3) uint8.
 
     All steps of a view are seen by one camera, which sees the object whole in each of them.
     """
@@ -114,13 +114,13 @@ def draw_frames(obj: ArticulatedObject, config: GalleryConfig) -> np.ndarray:
 
 
 def joint_shares(obj: ArticulatedObject, config: GalleryConfig) -> np.ndarray:
-    """Share of each joint's range at each step, (steps, J): from 0 to 1, to less for joints without end."""
+    """Return the share of each joint's range at each step, (steps, J): from 0 to 1, to less for endless joints."""
     reach = [1.0 if np.isfinite(joint.limits).all() else config.endless_turn for joint in obj.joints]
     return np.outer(np.linspace(0.0, 1.0, config.steps), reach)
 
 
 def frames_name(obj: ArticulatedObject, config: GalleryConfig) -> str:
-    """The file's name: another one where the object or what its pictures depend on is another."""
+    """Return the file's name, with a hash of the object and the settings of its pictures."""
     settings = asdict(config) | {"sheet": None, "render": asdict(load_render_config(overrides=config.look))}
     text = json.dumps([obj.content_hash, settings], sort_keys=True, default=dict)
     return f"{obj.id}.{hashlib.sha256(text.encode()).hexdigest()[:10]}.webp"
@@ -133,7 +133,7 @@ def write_frames(frames: np.ndarray, path: Path, config: GalleryConfig) -> None:
 
 
 def read_frame(path: Path, step: int, view: int, config: GalleryConfig) -> np.ndarray:
-    """One of the pictures in a file, (height, width, 3) uint8; a negative step counts from the end."""
+    """Read one of the pictures in a file, (height, width, 3) uint8; a negative step counts from the end."""
     column = step % config.steps
     with Image.open(path) as image:
         pixels = np.asarray(image.convert("RGB"))
@@ -165,7 +165,7 @@ def write_sheets(
 
 
 def contact_sheet(frames: Sequence[np.ndarray], labels: Sequence[str], config: GalleryConfig) -> np.ndarray:
-    """Pictures in rows, each with its label below, (H, W, 3) uint8."""
+    """Arrange pictures in rows, each with its label below, (H, W, 3) uint8."""
     width = config.sheet.width
     height, line = round(width * config.height / config.width), round(width * _LABEL_SHARE)
     columns = min(config.sheet.columns, len(frames))

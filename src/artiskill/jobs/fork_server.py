@@ -1,9 +1,9 @@
 """A clean process that forks others: each begins with the package loaded, and with nothing that another one did.
 
 The server is started as a new interpreter and runs code of this package only; jobs, and what they import, are
-unpacked in the forked processes alone. So one of them takes milliseconds to start, and none can tell how many were
-before it. The fork server of `multiprocessing` runs the caller's `__main__` in each process, is shared with what
-else the caller has it import, and lets live what a process has started; else it is like this one.
+unpacked in the forked processes alone. So one of them takes milliseconds to start, and none depends on how many
+were before it. The fork server of `multiprocessing` runs the caller's `__main__` in each process, is shared with
+what else the caller has it import, and lets live what a process has started; else it is like this one.
 """
 
 import atexit
@@ -58,7 +58,7 @@ class ForkServer:
     def prepare(self, call: Callable[[], object]) -> None:
         """Have something done once before anything else is forked: imports, and what fills caches.
 
-        It is not waited for, and its errors are ignored: whoever needs it will find them anew.
+        This returns at once. Errors are ignored: the job that needs it will meet them again.
 
         Args:
             call: of this package or the standard library; pickled.
@@ -116,7 +116,7 @@ _shared: ForkServer | None = None
 
 
 def fork_server() -> ForkServer:
-    """This process's server; it is started when it is first asked for."""
+    """Return this process's server, which the first call starts."""
     global _shared
     if _shared is None or not _shared.is_usable:
         _shared = ForkServer()
@@ -128,7 +128,7 @@ def fork_server() -> ForkServer:
 
 
 def serve(handle: int) -> None:
-    """What the server does, until the process that started it has ended."""
+    """Run the server until the process that started it has ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _Server(Connection(handle)).run()
 
@@ -174,7 +174,7 @@ class _Server:
         self._control.send(pid)
 
     def _work(self, connection: Connection, place: tuple[str, dict[str, str], list[str]]) -> None:
-        """What a forked process does."""
+        """Do jobs, in a forked process."""
         with suppress(OSError):
             os.setpgid(0, 0)
         signal.set_wakeup_fd(-1)
@@ -194,7 +194,7 @@ class _Server:
             _signal_group(pid, number)
 
     def _reap(self) -> None:
-        """Tell of those that have ended."""
+        """Send the exit status of children that have ended."""
         for pid, status in list(self._children.items()):
             if os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None:
                 continue
@@ -206,7 +206,7 @@ class _Server:
 
 
 def _exit_status(work: Callable[[], None]) -> int:
-    """Of a process that does some work and no more: nobody waits for threads that are left."""
+    """Do a process's only work and return its exit status; threads that are left are not waited for."""
     try:
         work()
     except BaseException:  # the process ends here
@@ -232,4 +232,4 @@ def _signal_group(pid: int, number: int) -> None:
 
 
 def _notice(number: int, frame: object) -> None:
-    """What wakes the server is written by the interpreter, where a handler is set."""
+    """Do nothing: where a handler is set, the interpreter itself writes to the pipe that wakes the server."""

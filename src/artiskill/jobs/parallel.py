@@ -88,7 +88,7 @@ def run_source(
     isolated: bool = False,
     hint: str = _HINT,
 ) -> None:
-    """`run_jobs` of jobs that a source names one by one, until it names none and all have finished.
+    """Do the jobs that a source names one by one, as `run_jobs` does, until it names none and all have finished.
 
     Raises:
         ArtiSkillError: as `run_jobs`.

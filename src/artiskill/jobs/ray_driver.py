@@ -102,7 +102,7 @@ class _Driver:
             self._may_have_next = answer is not None
             if answer is not None:
                 number, self._packed[number] = answer
-                self._tries[number] = 0  # numbers begin anew with every list of jobs
+                self._tries[number] = 0  # every list of jobs counts from 0 again
                 self._submit(number)
 
     def _submit(self, number: int) -> None:
@@ -110,7 +110,7 @@ class _Driver:
         self._numbers[self._remote.remote(self._packed[number], self._facts)] = number
 
     def _send_results(self) -> None:
-        """Send what came of jobs that have ended; those that are lost begin anew."""
+        """Send what came of jobs that have ended; those that are lost start again."""
         if not self._numbers:
             return
         waiting = list(self._numbers)
@@ -139,7 +139,7 @@ class _Driver:
 
 
 def _remote_function(ray: Any) -> Any:
-    """The task; it travels by value, so that a node that cannot import this package can say so."""
+    """Return the remote function. It travels by value, so that a node without this package gives a clear error."""
 
     @ray.remote(num_cpus=1, max_retries=0, name=TASK)
     def do_at_node(packed: bytes, expected: dict[str, str]) -> bytes:
@@ -151,7 +151,7 @@ def _remote_function(ray: Any) -> Any:
 
 
 def _text_of(error: Exception) -> str:
-    """What Ray says, without its advice; of an exception at a node, that one, and where it was."""
+    """Return Ray's message without its advice; of an exception at a node, that one, and where it was."""
     cause = getattr(error, "cause", None)
     if cause is not None:
         place = re.search(r"ip=([\w.:]+)", str(error))  # Ray says it nowhere else

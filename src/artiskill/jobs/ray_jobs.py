@@ -77,7 +77,7 @@ class RayCluster:
 
     @property
     def host_and_port(self) -> tuple[str, int] | None:
-        """The parts of an address of that form."""
+        """Host and port of an address that has them."""
         host, _, port = self.address.rpartition(":")
         is_port = port.isascii() and port.isdecimal() and len(port) <= 5 and 0 < int(port) <= _MOST_PORT
         return (host.strip("[]"), int(port)) if host and is_port else None
@@ -297,7 +297,7 @@ class RayProcess:
             self._log.close()
 
     def _how_it_ended(self) -> str:
-        """How it ended, and the last that was printed there."""
+        """Return its exit status and the last line that it printed."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(_DYING_S)
         self._log.seek(0)

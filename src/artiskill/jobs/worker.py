@@ -224,6 +224,6 @@ def _portable(error: Exception) -> tuple[Exception, str]:
 
 
 def _end_with_parent(sentinel: int) -> None:
-    """A parent that is killed cannot cancel jobs; nothing else would end a worker whose policy hangs."""
+    """End this process with its parent: one that is killed cannot cancel jobs, and a policy may hang."""
     wait_for_any([sentinel])
     os._exit(1)
