@@ -42,21 +42,13 @@ def compile_object(obj: ArticulatedObject, physics: PhysicsConfig) -> ObjectScen
 
 @dataclass(frozen=True, eq=False)
 class FileMaterial:
-    """A material as files hold it.
+    """A material as files hold it."""
 
-    Attributes:
-        name: unique within the export; letters, digits and `_`.
-        srgb: display colour, three numbers in [0, 1].
-        alpha: opacity in [0, 1].
-        shininess: as in `Material`.
-        texture: (H, W, 3) uint8 sRGB with the colour multiplied in, or None.
-    """
-
-    name: str
-    srgb: tuple[float, float, float]
-    alpha: float
-    shininess: float
-    texture: np.ndarray | None
+    name: str  # unique within the export; letters, digits and `_`
+    srgb: tuple[float, float, float]  # display colour, three numbers in [0, 1]
+    alpha: float  # opacity in [0, 1]
+    shininess: float  # as in `Material`
+    texture: np.ndarray | None  # (H, W, 3) uint8 sRGB with the colour multiplied in, or None
 
     @property
     def texture_file(self) -> str:
@@ -66,19 +58,12 @@ class FileMaterial:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceFile:
-    """One drawn surface: the index of its link, its file's name without ending, what it is made of.
+    """One drawn surface: the index of its link, its file's name without ending, what it is made of."""
 
-    Attributes:
-        link: index of the link.
-        stem: unique within the export.
-        visual: the surface; its material has a texture only if the mesh has coordinates for it.
-        material: as files hold it.
-    """
-
-    link: int
-    stem: str
-    visual: VisualMesh
-    material: FileMaterial
+    link: int  # index of the link
+    stem: str  # unique within the export
+    visual: VisualMesh  # the surface; its material has a texture only if the mesh has coordinates for it
+    material: FileMaterial  # as files hold it
 
 
 def surface_files(obj: ArticulatedObject) -> tuple[SurfaceFile, ...]:

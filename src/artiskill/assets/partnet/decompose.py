@@ -50,31 +50,20 @@ _OVERLAP_M, _OVERLAP_SHARE = 0.003, 0.1
 
 @dataclass(frozen=True)
 class DecompositionConfig:
-    """How closely and how finely.
+    """How closely and how finely."""
 
-    Attributes:
-        tolerance_m: a hull alone is good enough if 98 % of its surface lies this near the drawn surface.
-        thickness_m: sheets are made this thick; MuJoCo's hulls need a volume.
-        max_hulls: per part.
-        max_vertices: per hull; the cost of a contact grows with it.
-        resolution: voxels per side with which coacd closes open meshes.
-        seed: of coacd's search.
-        pieces: connected pieces of a mesh that are looked at one by one; more of them are a triangle soup.
-        slices: into how many slices across its own axis a piece may be cut, before it is cut in halves of halves.
-        slack_m: the best slices or halves will do, and coacd is not asked, where they lie so near.
-        vessel: the part is an open vessel, cut into sectors about its axis (`round_parts`).
-    """
-
+    # a hull alone is good enough if 98 % of its surface lies this near the drawn surface
     tolerance_m: float = 0.004
-    thickness_m: float = 0.003
-    max_hulls: int = 8
-    max_vertices: int = 32
-    resolution: int = 30
-    seed: int = 0
-    pieces: int = 48
+    thickness_m: float = 0.003  # sheets are made this thick; MuJoCo's hulls need a volume
+    max_hulls: int = 8  # per part
+    max_vertices: int = 32  # per hull; the cost of a contact grows with it
+    resolution: int = 30  # voxels per side with which coacd closes open meshes
+    seed: int = 0  # of coacd's search
+    pieces: int = 48  # connected pieces of a mesh that are looked at one by one; more of them are a triangle soup
+    # into how many slices across its own axis a piece may be cut, before it is cut in halves of halves
     slices: int = 0
-    slack_m: float = 0.0
-    vessel: bool = False
+    slack_m: float = 0.0  # the best slices or halves will do, and coacd is not asked, where they lie so near
+    vessel: bool = False  # the part is an open vessel, cut into sectors about its axis (`round_parts`)
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,15 +36,10 @@ class ObjPart:
 
 @dataclass(frozen=True, eq=False)
 class DrawnMesh:
-    """One mesh file of a body.
+    """One mesh file of a body."""
 
-    Attributes:
-        label: which part it belongs to.
-        sections: one mesh per material; in the body's frame and the file's units, then in the
-            link's frame and metres.
-    """
-
-    label: PartLabel
+    label: PartLabel  # which part it belongs to
+    # one mesh per material; in the body's frame and the file's units, then in the link's frame and metres
     sections: tuple[ObjPart, ...]
 
     @property

@@ -23,21 +23,13 @@ DENSITY_KG_M3: dict[Category, float] = {"cabinet": 600.0, "chair": 200.0, "bucke
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """The object as read, in the file's units; lists run over the bodies.
+    """The object as read, in the file's units; lists run over the bodies."""
 
-    Attributes:
-        category: of the object.
-        bodies: its rigid bodies.
-        drawn: their surfaces, each in its body's frame.
-        rest: their joints, relative to rest; None for the root.
-        poses: (4, 4) of each in the root's frame, its joint at 0.
-    """
-
-    category: Category
-    bodies: tuple[Body, ...]
-    drawn: list[list[DrawnMesh]]
-    rest: list[RestJoint | None]
-    poses: list[np.ndarray]
+    category: Category  # of the object
+    bodies: tuple[Body, ...]  # its rigid bodies
+    drawn: list[list[DrawnMesh]]  # their surfaces, each in its body's frame
+    rest: list[RestJoint | None]  # their joints, relative to rest; None for the root
+    poses: list[np.ndarray]  # (4, 4) of each in the root's frame, its joint at 0
 
 
 def build_links(

@@ -25,20 +25,13 @@ _GREY = (0.7, 0.7, 0.7)
 
 @dataclass(frozen=True)
 class ObjMaterial:
-    """What an MTL file says of a material.
+    """What an MTL file says of a material."""
 
-    Attributes:
-        rgb: sRGB, 0 to 1.
-        alpha: opacity, 0 to 1.
-        texture: the image's path, or None.
-        exponent: of Phong's highlight.
-        stretch: by which texture coordinates are multiplied: 2 repeats the image twice.
-    """
-
-    rgb: tuple[float, float, float] = _GREY
-    alpha: float = 1.0
-    texture: Path | None = None
-    exponent: float = 30.0
+    rgb: tuple[float, float, float] = _GREY  # sRGB, 0 to 1
+    alpha: float = 1.0  # opacity, 0 to 1
+    texture: Path | None = None  # the image's path, or None
+    exponent: float = 30.0  # of Phong's highlight
+    # by which texture coordinates are multiplied: 2 repeats the image twice
     stretch: tuple[float, float] = (1.0, 1.0)
 
 

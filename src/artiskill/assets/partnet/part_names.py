@@ -49,17 +49,11 @@ _NAME_AND_ID = re.compile(r"^(?P<name>.+)-(?P<id>\d+)$")
 
 @dataclass(frozen=True)
 class PartLabel:
-    """What a mesh belongs to; meshes of one part share all three.
+    """What a mesh belongs to; meshes of one part share all three."""
 
-    Attributes:
-        name: the data set's.
-        id: in its annotation, -1 where unknown.
-        part: the benchmark's name.
-    """
-
-    name: str
-    id: int
-    part: str
+    name: str  # the data set's
+    id: int  # in its annotation, -1 where unknown
+    part: str  # the benchmark's name
 
     @property
     def is_handle(self) -> bool:
@@ -69,19 +63,13 @@ class PartLabel:
 
 @dataclass(frozen=True)
 class PartNames:
-    """Finds the label of a mesh: by the visual's name, else by the mesh file, else by its link.
+    """Finds the label of a mesh: by the visual's name, else by the mesh file, else by its link."""
 
-    Attributes:
-        category: of the object.
-        by_stem: name and id of each mesh file's part, by the file's name without folder and ending.
-        groups: names of the nodes above each node of the annotation, inner ones first.
-        by_link: names of whole links, the last resort.
-    """
-
-    category: Category
+    category: Category  # of the object
+    # name and id of each mesh file's part, by the file's name without folder and ending
     by_stem: Mapping[str, tuple[str, int]]
-    groups: Mapping[int, tuple[str, ...]]
-    by_link: Mapping[str, str]
+    groups: Mapping[int, tuple[str, ...]]  # names of the nodes above each node of the annotation, inner ones first
+    by_link: Mapping[str, str]  # names of whole links, the last resort
 
     def label(self, mesh: UrdfMesh) -> PartLabel:
         """Return the label of a mesh; its name is "unknown" where no source knows it."""

@@ -48,19 +48,12 @@ _CIRCLE_STEPS, _CIRCLE_DIRECTIONS = 1000, 96
 
 @dataclass(frozen=True)
 class RestJoint:
-    """A joint relative to its rest pose.
+    """A joint relative to its rest pose."""
 
-    Attributes:
-        kind: as in `Joint`.
-        value: the file's joint value at rest.
-        sign: -1 where the axis is turned round, else 1.
-        limits: relative to rest, along the possibly turned axis, in file units or radians.
-    """
-
-    kind: JointKind
-    value: float
-    sign: int
-    limits: tuple[float, float]
+    kind: JointKind  # as in `Joint`
+    value: float  # the file's joint value at rest
+    sign: int  # -1 where the axis is turned round, else 1
+    limits: tuple[float, float]  # relative to rest, along the possibly turned axis, in file units or radians
 
     @property
     def rest_value(self) -> float:
@@ -198,15 +191,10 @@ def _front(bodies: tuple[Body, ...], points: list[np.ndarray], index: int, value
 
 @dataclass(frozen=True, eq=False)
 class OwnFrame:
-    """How a folder's root frame, z up, becomes the object frame: x to `scale * (x - origin)`.
+    """How a folder's root frame, z up, becomes the object frame: x to `scale * (x - origin)`."""
 
-    Attributes:
-        scale: metres per unit of the file.
-        origin: (3,) in the file's units.
-    """
-
-    scale: float
-    origin: np.ndarray
+    scale: float  # metres per unit of the file
+    origin: np.ndarray  # (3,) in the file's units
 
 
 def read_own_frame(folder: Path) -> OwnFrame | None:

@@ -39,38 +39,23 @@ _BALL_LENGTHS = (0.85, 1.15)  # of a ball's extent along the axle, in diameters
 
 @dataclass(frozen=True, eq=False)
 class Vessel:
-    """The convex pieces of a vessel, (V, 3) corners each.
+    """The convex pieces of a vessel, (V, 3) corners each."""
 
-    Attributes:
-        wall: sectors of the side.
-        floor: pieces of the bottom.
-        error_m: how far the wall's pieces stand into the cavity, or off its outside, whichever is more.
-    """
-
-    wall: list[np.ndarray]
-    floor: list[np.ndarray]
-    error_m: float
+    wall: list[np.ndarray]  # sectors of the side
+    floor: list[np.ndarray]  # pieces of the bottom
+    error_m: float  # how far the wall's pieces stand into the cavity, or off its outside, whichever is more
 
 
 @dataclass(frozen=True, eq=False)
 class _Cavity:
-    """The space inside a vessel.
+    """The space inside a vessel."""
 
-    Attributes:
-        centre: (2,) where its axis stands.
-        heights: (L,) of the levels, metres.
-        angles: (R,) of the rays, radians.
-        radius: (L, R) from the axis to the first surface; infinite where there is none.
-        floor_z: height of the floor.
-        wall_m: how thick most of the wall is drawn, 0 for a sheet.
-    """
-
-    centre: np.ndarray
-    heights: np.ndarray
-    angles: np.ndarray
-    radius: np.ndarray
-    floor_z: float
-    wall_m: float
+    centre: np.ndarray  # (2,) where its axis stands
+    heights: np.ndarray  # (L,) of the levels, metres
+    angles: np.ndarray  # (R,) of the rays, radians
+    radius: np.ndarray  # (L, R) from the axis to the first surface; infinite where there is none
+    floor_z: float  # height of the floor
+    wall_m: float  # how thick most of the wall is drawn, 0 for a sheet
 
 
 def _find_cavity(mesh: TriMesh) -> _Cavity | None:

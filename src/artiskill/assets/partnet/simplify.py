@@ -208,21 +208,13 @@ def _lighter(group: Sequence[tuple[int, VisualMesh]], faces: int) -> Iterator[tu
 
 @dataclass(frozen=True, eq=False)
 class _Source:
-    """A surface before it is simplified.
+    """A surface before it is simplified."""
 
-    Attributes:
-        mesh: its triangles.
-        normals: (F, 3) of them.
-        owner: (F,) which mesh of the group each is from.
-        uvs: (V, 2) texture coordinates; 0 where there are none.
-        other_side: (F,) the face that lies back to back with each; -1 where there is none.
-    """
-
-    mesh: TriMesh
-    normals: np.ndarray
-    owner: np.ndarray
-    uvs: np.ndarray
-    other_side: np.ndarray
+    mesh: TriMesh  # its triangles
+    normals: np.ndarray  # (F, 3) of them
+    owner: np.ndarray  # (F,) which mesh of the group each is from
+    uvs: np.ndarray  # (V, 2) texture coordinates; 0 where there are none
+    other_side: np.ndarray  # (F,) the face that lies back to back with each; -1 where there is none
 
     @classmethod
     def of(cls, group: Sequence[tuple[int, VisualMesh]], drawn: TriMesh) -> "_Source":

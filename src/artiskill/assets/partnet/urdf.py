@@ -21,21 +21,13 @@ _MOST_BYTES, _MOST_LINKS = 20_000_000, 1000  # the data set's largest have 300 k
 
 @dataclass(frozen=True, eq=False)
 class UrdfMesh:
-    """A mesh of a link.
+    """A mesh of a link."""
 
-    Attributes:
-        link: name of the link that lists it.
-        name: the element's name, `handle-15` say, or None (older folders).
-        file: path relative to the object's folder, as written.
-        pose: (4, 4) of the mesh in the link's frame; in a body's, in that of the body.
-        scale: (3,) factors on the file's coordinates.
-    """
-
-    link: str
-    name: str | None
-    file: str
-    pose: np.ndarray
-    scale: np.ndarray
+    link: str  # name of the link that lists it
+    name: str | None  # the element's name, `handle-15` say, or None (older folders)
+    file: str  # path relative to the object's folder, as written
+    pose: np.ndarray  # (4, 4) of the mesh in the link's frame; in a body's, in that of the body
+    scale: np.ndarray  # (3,) factors on the file's coordinates
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,21 +198,14 @@ def _bounded(text: str, what: str) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """Links that are rigid with each other.
+    """Links that are rigid with each other."""
 
-    Attributes:
-        name: of the link that the joint moves; `base` for the root.
-        parent: index of the parent body, -1 for the root.
-        joint: what moves it relative to its parent, None for the root and for a wall that it hangs on.
-        pose: (4, 4) of its frame in the parent's at joint value 0.
-        meshes: drawn meshes of all its links, their poses in its frame.
-    """
-
-    name: str
-    parent: int
+    name: str  # of the link that the joint moves; `base` for the root
+    parent: int  # index of the parent body, -1 for the root
+    # what moves it relative to its parent, None for the root and for a wall that it hangs on
     joint: UrdfJoint | None
-    pose: np.ndarray
-    meshes: tuple[UrdfMesh, ...]
+    pose: np.ndarray  # (4, 4) of its frame in the parent's at joint value 0
+    meshes: tuple[UrdfMesh, ...]  # drawn meshes of all its links, their poses in its frame
 
 
 def build_bodies(model: UrdfModel, apart: str | None = None) -> tuple[Body, ...]:
