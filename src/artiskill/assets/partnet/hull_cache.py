@@ -58,7 +58,7 @@ def decompose_cached(
     workers: int | None = None,
     on_progress: OnProgress | None = None,
 ) -> list[Hulls]:
-    """Return the hulls of each of several parts, through files in `cache_dir / "partnet"`.
+    """Return the hulls of each of an object's parts, through files in `cache_dir / "partnet"`.
 
     Every part is kept as soon as it is done, so that an import that was ended goes on from there, and the whole
     object at the end. A file that cannot be read is computed anew and replaced; files appear whole or not at all.
@@ -75,16 +75,14 @@ def decompose_cached(
         AssetError: a worker ended by itself.
         MissingExtraError: coacd is needed and not installed.
     """
-    folder = cache_dir / "partnet"
-    keys = [_part_key(part) for part in parts]
+    folder, keys = cache_dir / "partnet", [_part_key(part) for part in parts]
     whole = hashlib.sha256(f"artiskill-object-{_VERSION}-{most}".encode())
     for part, key in zip(parts, keys, strict=True):
         whole.update(f"{key}{part.group}".encode())
     path = folder / f"{whole.hexdigest()[:32]}.npz"
     hulls = _load(path, len(parts))
     if hulls is None:
-        if workers is None:
-            workers = 1 if in_worker() else available_cores()
+        workers = workers or (1 if in_worker() else available_cores())
         paths = [folder / f"{key}.npz" for key in keys]
         hulls = _decompose(parts, paths, workers, on_progress or (lambda done, count: None))
         if most is not None and sum(map(len, hulls)) > most:

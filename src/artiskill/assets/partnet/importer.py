@@ -26,6 +26,7 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -83,17 +84,11 @@ def import_partnet(
             found; where None, lines on standard error say so if it takes longer than a second.
 
     Raises:
-        AssetError: the folder or a file in it is missing or not as it must be; the message names it. Or the object
-            is absurdly small or large, or does not meet `needs`.
+        AssetError: a file is missing or not as it must be, or the object too small, too large or not as `needs`.
         MissingExtraError: coacd is not installed.
     """
     import_coacd()
-    if not isinstance(path, Path | str):
-        raise AssetError(f"path must be an object's folder or a zip of one, not {shown(path)}")
-    if scale is not None and not (isinstance(scale, numbers.Real) and 0 < scale < np.inf):
-        raise AssetError(f"scale must be a positive number (metres per unit of the file), not {shown(scale)}")
-    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
-        raise AssetError(f"workers must be a positive number of processes, not {shown(workers)}")
+    _check_arguments(path, scale, workers)
     with open_object(Path(path)) as (folder, name):
         identifier = object_id if object_id is not None else re.sub(r"[^A-Za-z0-9._-]", "-", name)
         check_object_id(identifier)
@@ -103,6 +98,15 @@ def import_partnet(
             return decompose_cached(parts, cache_dir or default_cache_dir(), most, workers, progress)
 
         return _import_folder(folder, name, identifier, scale, decompose, needs)
+
+
+def _check_arguments(path: object, scale: float | None, workers: object) -> None:
+    if not isinstance(path, Path | str):
+        raise AssetError(f"path must be an object's folder or a zip of one, not {shown(path)}")
+    if scale is not None and not (isinstance(scale, numbers.Real) and 0 < scale < np.inf):
+        raise AssetError(f"scale must be a positive number (metres per unit of the file), not {shown(scale)}")
+    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
+        raise AssetError(f"workers must be a positive number of processes, not {shown(workers)}")
 
 
 def _import_folder(
@@ -128,8 +132,8 @@ def _import_folder(
     rule = "keep" if own_frame is not None and category != "cabinet" else _REST_RULES[category]
     rest, said = rest_joints(bodies, points, rule, name)
     warnings += said
+    of_object = [i for i, body in enumerate(bodies) if i == 0 or body.joint is not None]  # not a wall behind it
     at_rest = body_poses(bodies, [joint.rest_value if joint else 0.0 for joint in rest])
-    of_object = [i for i, body in enumerate(bodies) if i == 0 or body.joint is not None]
     world = np.concatenate([transform(at_rest[i], points[i]) for i in of_object])
     place = find_placement(category, world, own_frame, scale)
     bounds = np.stack((place.apply(world.min(axis=0)), place.apply(world.max(axis=0))))
@@ -139,23 +143,11 @@ def _import_folder(
     handles = tuple(one.handle for one in found)
     links, said = thin_out(links, category)
     warnings += said + _final_warnings(links, handles, category)
-    return ArticulatedObject(
-        id=identifier,
-        category=category,
-        links=links,
-        handles=handles,
-        bounds=bounds,
-        metadata={
-            "source": "PartNet-Mobility",
-            "partnet_id": name,
-            "model_category": model_category,
-            "scale": place.scale,
-            **_measures([links[i] for i in of_object], handles, bounds),
-            "parts": _part_names(drawn),
-            "handle_gaps_m": tuple(one.gap_m for one in found),
-            "warnings": tuple(dict.fromkeys(warnings)),
-        },
-    )
+    metadata: dict[str, Any] = {"source": "PartNet-Mobility", "partnet_id": name, "model_category": model_category}
+    metadata |= {"scale": place.scale, **_measures([links[i] for i in of_object], handles, bounds)}
+    metadata |= {"parts": _part_names(drawn), "handle_gaps_m": tuple(one.gap_m for one in found)}
+    metadata["warnings"] = tuple(dict.fromkeys(warnings))
+    return ArticulatedObject(identifier, category, links, handles, bounds, metadata)
 
 
 class ProgressLines:

@@ -39,13 +39,7 @@ def build_links(
 
     `decompose` finds convex hulls, as in `collision_shapes`.
     """
-    surfaces: list[LinkSurface] = []
-    positions: list[np.ndarray] = []
-    for index, body in enumerate(source.bodies):
-        joint, position = _joint_and_position(source, index, place)
-        drawn = [m.moved(source.poses[index], place.scale, place.shift - position) for m in source.drawn[index]]
-        surfaces.append(LinkSurface(body.name, drawn, joint))
-        positions.append(position)
+    surfaces, positions = _surfaces_and_positions(source, place)
     shapes = collision_shapes(surfaces, source.category, decompose, warnings)
     if source.category == "cabinet":
         placed = [(surface.name, position) for surface, position in zip(surfaces, positions, strict=True)]
@@ -75,6 +69,17 @@ def build_links(
             )
         )
     return tuple(links), handles
+
+
+def _surfaces_and_positions(source: Source, place: Placement) -> tuple[list[LinkSurface], list[np.ndarray]]:
+    """Return what each link is made from, and its frame's position (3,) in the object with all joints at 0."""
+    surfaces, positions = [], []
+    for index, body in enumerate(source.bodies):
+        joint, position = _joint_and_position(source, index, place)
+        drawn = [m.moved(source.poses[index], place.scale, place.shift - position) for m in source.drawn[index]]
+        surfaces.append(LinkSurface(body.name, drawn, joint))
+        positions.append(position)
+    return surfaces, positions
 
 
 def _joint_and_position(source: Source, index: int, place: Placement) -> tuple[Joint | None, np.ndarray]:
