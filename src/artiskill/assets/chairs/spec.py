@@ -281,4 +281,5 @@ class ChairSpec:
         count = int(self.mechanism.tilt_rad > 0) + int(self.mechanism.recline_rad > 0)
         count += self.base.kind != "cantilever"
         count += self.column is not None and self.column.travel_m > 0
-        return count + sum(self.wheel_counts)
+        casters, wheels = self.wheel_counts
+        return count + casters + wheels
