@@ -30,8 +30,8 @@ def main() -> None:
             legal = artiskill.list_objects(split="train", task=task)
             objects = [legal[k * len(legal) // OBJECTS] for k in range(OBJECTS)]
             collect(make_plan(task, objects, CollectionOptions(per_object=PER_OBJECT)), new / task, workers)
-            verdicts = verify(new / task, workers)
-            exact = sum(verdict.exact for verdict in verdicts)
+            results = verify(new / task, workers)
+            exact = sum(result.exact for result in results)
             if exact != OBJECTS * PER_OBJECT:
                 raise SystemExit(f"{task}: {exact} of {OBJECTS * PER_OBJECT} trajectories could be verified")
             print(f"{task}: {', '.join(objects)}: {exact} trajectories", flush=True)

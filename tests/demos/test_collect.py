@@ -201,8 +201,8 @@ def test_failures_are_kept_on_request(plan: MakePlan, tmp_path: Path) -> None:
     collect(plan(config={"episode_steps": 5}, objects=["cabinet-0002"], keep_failures=True), tmp_path)
     with DemoFile(tmp_path / "cabinet-0002.h5") as file:
         assert [(len(t), t.success) for t in file] == [(5, False)] * 4
-    (verdict,) = verify(tmp_path)
-    assert (verdict.exact, verdict.faults) == (4, ())
+    (result,) = verify(tmp_path)
+    assert (result.exact, result.faults) == (4, ())
 
 
 def test_operational_space(plan: MakePlan, tmp_path: Path) -> None:

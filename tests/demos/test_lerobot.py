@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from PIL import Image
-from tests.demos.test_minari import TASK, training_files
+from tests.demos.test_export import TASK, training_files
 
 from artiskill.demos.export import export_dataset
 from artiskill.demos.lerobot import action_names, camera_names

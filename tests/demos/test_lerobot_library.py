@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.demos.test_minari import training_files
+from tests.demos.test_export import training_files
 
 from artiskill.demos.export import export_dataset
 from artiskill.demos.training_file import TrainingFile

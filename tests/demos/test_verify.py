@@ -34,10 +34,10 @@ def fault_of(folder: Path, change: Any) -> str:
 @pytest.mark.parametrize("workers", [1, 2])
 def test_all_is_as_recorded(drawers: Path, workers: int) -> None:
     told: list[bool] = []
-    verdicts = verify(drawers, workers, told.append)
-    assert [verdict.object for verdict in verdicts] == ["cabinet-0002", "cabinet-0026"]
-    assert all(verdict.exact == verdict.trajectories == 3 and not verdict.faults for verdict in verdicts)
-    assert all(verdict.steps > 100 for verdict in verdicts)
+    results = verify(drawers, workers, told.append)
+    assert [result.object for result in results] == ["cabinet-0002", "cabinet-0026"]
+    assert all(result.exact == result.trajectories == 3 and not result.faults for result in results)
+    assert all(result.steps > 100 for result in results)
     assert told == [True] * 6
 
 
@@ -234,8 +234,8 @@ def test_the_manifest_has_the_settings_of_its_files(own_drawers: Path) -> None:
     content = json.loads(manifest.read_text())
     content["settings"]["expert"]["name"] = "Nobody"
     manifest.write_text(json.dumps(content))
-    for verdict in verify(own_drawers):
-        (fault,) = verdict.faults
+    for result in verify(own_drawers):
+        (fault,) = result.faults
         assert 'expert.name "OpenCabinetExpert" there, "Nobody" here (there: the file' in fault
 
 

@@ -41,7 +41,7 @@ def test_the_page_says_what_the_files_hold(
     assert tool.main(arguments) == 0
     assert re.sub(" +", " ", page.read_text()) == text
 
-    verdict = VerifyResult("", "cabinet-0002", 2, 100, 1, ("one differs",))
-    monkeypatch.setattr(tool, "verify", lambda *given, **options: [verdict])
+    result = VerifyResult("", "cabinet-0002", 2, 100, 1, ("one differs",))
+    monkeypatch.setattr(tool, "verify", lambda *given, **options: [result])
     assert tool.main(arguments) == 1
     assert "| 1 of 2 |" in re.sub(" +", " ", page.read_text())

@@ -131,11 +131,11 @@ def _trouble(object_id: str, count: "TargetCount") -> str:
 
     solved = f"{count.successes} of {_number(count.wanted, 'trajectory', 'trajectories')}"
     tried = _number(count.attempts, "attempt", "attempts")
-    told = [f"given up after {tried}, {solved}"] if count.gave_up else []
+    reasons = [f"given up after {tried}, {solved}"] if count.gave_up else []
     if count.faults:
         faults = ", ".join(f"{number} by {kind}" for kind, number in count.faults.items())
-        told.append(f"ended before their end, of {tried}: {faults}")
-    return f"[bold red]{object_id}, {escape(count.target)}[/]: {'; '.join(told)}"
+        reasons.append(f"ended before their end, of {tried}: {faults}")
+    return f"[bold red]{object_id}, {escape(count.target)}[/]: {'; '.join(reasons)}"
 
 
 def _number(count: int, one: str, more: str) -> str:

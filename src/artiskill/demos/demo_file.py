@@ -116,9 +116,7 @@ class Trajectory:
         """Yield the exact states of all steps, 0 to T, in one run; the environment may be used between them.
 
         Raises:
-            DemoError: as in `env_state`.
-            StateError: likewise.
-            TypeError: likewise.
+            DemoError, StateError, TypeError: as in `env_state`.
         """
         bare = self._bare(env)
         state = self._key_frame(0)

@@ -99,7 +99,7 @@ class RecordedActions:
         actions: (T, A).
 
     Attributes:
-        disturbed: False: the actions do not tell.
+        disturbed: False; it does not follow from the actions.
     """
 
     disturbed = False

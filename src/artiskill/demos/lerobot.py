@@ -35,7 +35,7 @@ VERSION = "v3.0"
 _DATA_MB, _VIDEO_MB = 100, 200
 _DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 _VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
-# what a language-conditioned policy is told
+# for language-conditioned policies
 _INSTRUCTIONS = {
     "OpenCabinetDoor": "Open the marked door of the cabinet.",
     "OpenCabinetDrawer": "Open the marked drawer of the cabinet.",

@@ -46,9 +46,9 @@ class Outcome:
 class OutcomeCounts:
     """What came of many trajectories."""
 
-    replayed: int  # how many there were
-    solved: int  # of them
-    exact: int  # likewise
+    replayed: int  # number of trajectories
+    solved: int  # of these
+    exact: int  # of these
     steps: int  # of all
     clipped: int  # of these steps
 

@@ -47,8 +47,8 @@ class StoreConfig:
 
     key_frame_steps: int  # the engine's exact state is stored every so many steps, and at the end
     position_bits: int  # positions of every step are rounded to multiples of 2**-position_bits (m or rad)
-    velocity_bits: int  # velocities of every step are rounded likewise (m/s or rad/s)
-    action_bits: int  # actions are rounded likewise before they are played
+    velocity_bits: int  # velocities of every step are rounded to multiples of 2**-velocity_bits (m/s or rad/s)
+    action_bits: int  # actions are rounded to multiples of 2**-action_bits before they are played
     compression: int  # level of gzip
 
     def __post_init__(self) -> None:

@@ -34,12 +34,12 @@ class ObjectStats:
     successes: int  # of them
     success_rate: float  # their ratio; 0 without attempts
     gave_up: tuple[str, ...]  # targets that were given up
-    shortest: int  # of the stored trajectories, steps; 0 where there are none, as the next ones
-    mean_length: float  # likewise
-    longest: int  # likewise
+    shortest: int  # steps of the stored trajectories; this and the next two are 0 where there are none
+    mean_length: float
+    longest: int
     bytes_per_trajectory: float  # of the file
     base_coverage: float  # see `Coverage`
-    object_coverage: float  # likewise
+    object_coverage: float  # see `Coverage`
     targets: tuple[TargetCount, ...]  # counts of each
 
 

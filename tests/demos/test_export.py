@@ -41,7 +41,7 @@ def training_files(folder: Path, obs_mode: str, count: int = 2) -> TrainingFiles
 
 
 @pytest.mark.parametrize("obs_mode", ["state", "pointcloud", "rgbd"])
-def test_minari_reads_it(obs_mode: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_export_reads_it(obs_mode: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     minari = pytest.importorskip("minari")
     training, home = training_files(tmp_path / "t", obs_mode), tmp_path / "home"
     name = f"artiskill/{TASK}/joint-{obs_mode}-v0"
