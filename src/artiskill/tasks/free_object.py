@@ -14,7 +14,7 @@ from artiskill.geometry.meshes import sample_surface, triangle_areas
 from artiskill.scene.scene import Scene
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.staged_reward import Ramp, Stage
-from artiskill.tasks.state_vector import ObservationField, object_size, observe_state, state_fields
+from artiskill.tasks.task import ObservationField, object_size, observe_state, state_fields
 
 # The last stage begins a little nearer than near: an object that arrives slowly, and so counts as still, would
 # otherwise skip the stage before it.

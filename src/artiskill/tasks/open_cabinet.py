@@ -25,8 +25,7 @@ from artiskill.tasks import handle_proximity, staged_reward
 from artiskill.tasks.handle_proximity import finger_distances, hand_angle
 from artiskill.tasks.initial_state import check_ranges, polar, robot_qpos
 from artiskill.tasks.staged_reward import Ramp, Stage, StageTable
-from artiskill.tasks.state_vector import ObservationField, object_size, observe_state, state_fields
-from artiskill.tasks.task import Task, TaskConfig
+from artiskill.tasks.task import ObservationField, Task, TaskConfig, object_size, observe_state, state_fields
 
 FLAG_NAMES = ("open_enough", "cabinet_static")
 MASK_NAMES = ("handle", "link", "robot")
