@@ -86,14 +86,12 @@ class Collection:
 
     Attributes:
         manifest: of what is finished.
-        restored: successful trajectories that an earlier collector has left, of objects that are not finished.
 
     Raises:
         DemoError: the folder holds a collection of other settings, or is damaged.
     """
 
     def __init__(self, plan: CollectionPlan, folder: Path, on_attempt: OnAttempt) -> None:
-        self.restored = 0
         self._plan, self._folder, self._on_attempt = plan, folder, on_attempt
         self._store = AttemptStore(folder, settings_hash(plan.settings))
         self._open: dict[str, tuple[ObjectPlan, list[LevelQueue]]] = {}
@@ -149,7 +147,6 @@ class Collection:
         for queue in self._open[attempt.object][1]:
             if queue.target == attempt.target and queue.owns(attempt.level):
                 queue.add_result(attempt.level, attempt.success)
-                self.restored += attempt.success
 
     def _open_manifest(self) -> Manifest:
         """Return the folder's manifest, which must be of the plan's settings; a new one where there is none."""
