@@ -49,7 +49,7 @@ def check_path(path: Path | str) -> Path:
     """
     text = str(path)
     if "\0" in text:
-        raise OSError(errno.EINVAL, "a path holds no NUL", shown(text))
+        raise OSError(errno.EINVAL, "a path must not contain NUL", shown(text))
     try:
         raw = os.fsencode(text)
     except UnicodeEncodeError as error:
@@ -88,7 +88,7 @@ def read_bytes(path: Path | str, most_bytes: int = _MOST_BYTES) -> bytes:
     with open_regular(path) as file:
         content = file.read(most_bytes + 1)
     if len(content) > most_bytes:
-        raise OSError(errno.EFBIG, f"it has more than the {_size(most_bytes)} that are legal", str(path))
+        raise OSError(errno.EFBIG, f"it has more than the {_size(most_bytes)} allowed", str(path))
     return content
 
 
@@ -137,7 +137,7 @@ def parse_json(text: bytes | str) -> Any:
         ValueError: it is no JSON, too long, or nested too deeply.
     """
     if len(text) > MOST_JSON_BYTES:
-        raise ValueError(f"it has {_size(len(text))}, more than the {_size(MOST_JSON_BYTES)} that are legal")
+        raise ValueError(f"it has {_size(len(text))}, more than the {_size(MOST_JSON_BYTES)} allowed")
     try:
         found = json.loads(text)
     except RecursionError as error:
@@ -161,7 +161,7 @@ def parse_yaml(text: str) -> Any:
         ValueError: it is no YAML, too long, nested too deeply, or its aliases stand for too much, or themselves.
     """
     if len(text) > MOST_YAML_BYTES:
-        raise ValueError(f"it has {_size(len(text))}, more than the {_size(MOST_YAML_BYTES)} that are legal")
+        raise ValueError(f"it has {_size(len(text))}, more than the {_size(MOST_YAML_BYTES)} allowed")
     try:
         return yaml.load(text, _Loader)
     except (yaml.YAMLError, ValueError) as error:
@@ -228,7 +228,7 @@ def check_archive(file: BinaryIO, most_bytes: int) -> None:
     with zipfile.ZipFile(file) as archive:
         size = sum(info.file_size for info in archive.infolist())
     if size > most_bytes:
-        raise ValueError(f"it unpacks to {_size(size)}, more than the {_size(most_bytes)} that are legal")
+        raise ValueError(f"it unpacks to {_size(size)}, more than the {_size(most_bytes)} allowed")
     file.seek(0)
 
 

@@ -140,7 +140,7 @@ def test_an_error_is_of_the_same_kind_for_any_number_of_workers(num_workers: int
 
 def test_a_policy_that_ends_its_worker_is_named_with_its_object(solution: Callable[[str], Path]) -> None:
     path = solution("import os\ndef policy(o):\n    os._exit(3)\n")
-    says = rf"^{path}, object cabinet-0010: a worker process ended by itself \(exit status 3\)"
+    says = rf"^{path}, object cabinet-0010: a worker process died \(exit status 3\)"
     with pytest.raises(PolicyError, match=says):
         evaluate(TASK, path, OBJECTS[1], 1, step_timeout_s=60)
 

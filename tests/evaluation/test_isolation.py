@@ -68,10 +68,10 @@ def test_a_solution_leaves_no_trace_in_the_process_that_evaluates(
 
 WHERE = r"\(line \d+, object cabinet-0010, level 0, step 1\)$"
 HOSTILE = {
-    "exit": ("os._exit(0)", r"object cabinet-0010: a worker process ended by itself \(exit status 0\)"),
+    "exit": ("os._exit(0)", r"object cabinet-0010: a worker process died \(exit status 0\)"),
     "kill": (
         "os.kill(os.getpid(), 9)",
-        r"object cabinet-0010: a worker process ended by itself \(killed by signal 9",
+        r"object cabinet-0010: a worker process died \(killed by signal 9",
     ),
     "system_exit": ("sys.exit('enough')", rf"act\(\) raised SystemExit: enough {WHERE}"),
     "ctrl_c": ("raise KeyboardInterrupt('mine')", rf"act\(\) raised KeyboardInterrupt: mine {WHERE}"),
@@ -103,7 +103,7 @@ def test_what_a_policy_does_to_its_process_is_told(
 AT_IMPORT = {
     "exit": (
         "import os\nos._exit(3)",
-        r": a worker process ended by itself \(exit status 3\): the policy ended it",
+        r": a worker process died \(exit status 3\): the policy ended it",
     ),
     "ctrl_c": ("raise KeyboardInterrupt", r": cannot be imported: KeyboardInterrupt \(line 1\)$"),
     "base": ("raise BaseException('bare')", r": cannot be imported: BaseException: bare \(line 1\)$"),

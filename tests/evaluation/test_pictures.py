@@ -177,7 +177,7 @@ def test_impossible_styles_are_named() -> None:
         ({"width": 0}, "width"),
         ({"height": 5000}, "height"),
         ({"view": "sensor", "width": 80}, "cameras.width"),
-        ({"view": "sensor", "viewpoint": Viewpoint(azimuth_deg=3.0)}, "stand on the robot"),
+        ({"view": "sensor", "viewpoint": Viewpoint(azimuth_deg=3.0)}, "takes no viewpoint"),
         ({"viewpoint": Viewpoint(elevation_deg=100.0)}, "elevation"),
         ({"viewpoint": Viewpoint(target_w=(0.0, 0.0, float("nan")))}, "target"),
     ):

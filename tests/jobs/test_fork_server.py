@@ -115,7 +115,7 @@ def test_messages_results_and_sources_are_as_ever() -> None:
 def test_errors_are_as_ever(workers: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(worker_module, "_GRACE_S", 0.2)
     monkeypatch.setattr(parallel_module, "_PATIENCE_S", 1.0)
-    with pytest.raises(PolicyError, match=r"^job 0: a worker process ended by itself \(exit status 7\): because$"):
+    with pytest.raises(PolicyError, match=r"^job 0: a worker process died \(exit status 7\): because$"):
         run_jobs(vanish, [0], workers, describe="job {}".format, isolated=True, hint="because")
     with pytest.raises(RuntimeError, match=r"^HomebodyError: 3 and 4\n"):
         run_jobs(fail_at_home, [3], workers, isolated=True)

@@ -119,9 +119,9 @@ def test_an_error_ends_the_other_jobs() -> None:
 
 
 def test_a_vanished_worker_is_explained() -> None:
-    with pytest.raises(PolicyError, match=r"^job [01]: a worker process ended by itself \(exit status 7\)"):
+    with pytest.raises(PolicyError, match=r"^job [01]: a worker process died \(exit status 7\)"):
         run_jobs(vanish, [0, 1], 2, describe="job {}".format)
-    with pytest.raises(PolicyError, match=r"^1: a worker process ended by itself \(killed by signal 9, Killed\)"):
+    with pytest.raises(PolicyError, match=r"^1: a worker process died \(killed by signal 9, Killed\)"):
         run_jobs(killed, [0, 1], 2)
 
 
@@ -146,7 +146,7 @@ class Doomed:
     ],
 )
 def test_a_worker_that_ends_while_it_unpacks_its_job_is_explained(code: str, how: str) -> None:
-    with pytest.raises(PolicyError, match=rf"^[01]: a worker process ended by itself \({how}\): memory ran out"):
+    with pytest.raises(PolicyError, match=rf"^[01]: a worker process died \({how}\): memory ran out"):
         run_jobs(Doomed(code), [0, 1], 2)
 
 

@@ -186,7 +186,7 @@ def measure_alone(case: Case) -> Measurement:
 
     Raises:
         ArtiSkillError: what `measure_case` raised.
-        PolicyError: the process ended by itself: memory ran out.
+        PolicyError: the process ended unexpectedly: memory ran out.
     """
     return run_jobs(measure_case, [case], workers=1, isolated=True)[0]
 

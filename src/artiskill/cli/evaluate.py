@@ -48,46 +48,25 @@ def add_commands(commands: Any) -> None:
 def _add_evaluate(commands: Any) -> None:
     parser = add_command(commands, "evaluate", _run_evaluate, "measure a policy on many objects", _EPILOG)
     _add_task(parser)
-    parser.add_argument(
-        "--policy",
-        default="expert",
-        help="expert, demonstrator, random, still or path/to/solution.py (default: expert)",
-    )
-    parser.add_argument(
-        "--objects", nargs="+", default=["test"], help="splits, ids or PartNet folders (default: test)"
-    )
-    parser.add_argument(
-        "--target", help="target link, or 'all' to evaluate each one separately (default: drawn by each level)"
-    )
-    parser.add_argument("--episodes", type=int, default=10, help="episodes per object (default: %(default)s)")
-    parser.add_argument(
-        "--first-level",
-        "--seed",
-        type=int,
-        default=0,
-        help="level (seed) of each object's first episode (default: 0)",
-    )
-    parser.add_argument("--obs-mode", help="observation mode (default: the policy's, else state)")
-    parser.add_argument("--control-mode", help="control mode (default: the policy's, else joint)")
+    add = parser.add_argument
+    policies = "expert, demonstrator, random, still or path/to/solution.py (default: expert)"
+    add("--policy", default="expert", help=policies)
+    add("--objects", nargs="+", default=["test"], help="splits, ids or PartNet folders (default: test)")
+    add("--target", help="target link, or 'all' to evaluate each one separately (default: drawn by each level)")
+    add("--episodes", type=int, default=10, help="episodes per object (default: %(default)s)")
+    first = "level (seed) of each object's first episode (default: 0)"
+    add("--first-level", "--seed", type=int, default=0, help=first)
+    add("--obs-mode", help="observation mode (default: the policy's, else state)")
+    add("--control-mode", help="control mode (default: the policy's, else joint)")
     add_set(parser, "change values of the task's configuration")
     add_workers(parser)
-    parser.add_argument(
-        "--step-timeout", type=float, metavar="SECONDS", help="time limit for each action (default: none)"
-    )
-    parser.add_argument(
-        "--load-timeout",
-        type=float,
-        default=120.0,
-        metavar="SECONDS",
-        help="time limit for loading a solution file (default: 120)",
-    )
-    parser.add_argument(
-        "--out", type=Path, metavar="FOLDER", help="write report.json, report.md and CSV files here"
-    )
-    parser.add_argument("--video", type=Path, metavar="FILE", help="record episodes as .gif, .webp or .mp4")
-    parser.add_argument(
-        "--video-episodes", type=int, default=3, help="number of objects to record, an episode each (default: 3)"
-    )
+    add("--step-timeout", type=float, metavar="SECONDS", help="time limit for each action (default: none)")
+    loading = "time limit for loading a solution file (default: 120)"
+    add("--load-timeout", type=float, default=120.0, metavar="SECONDS", help=loading)
+    add("--out", type=Path, metavar="FOLDER", help="write report.json, report.md and CSV files here")
+    add("--video", type=Path, metavar="FILE", help="record episodes as .gif, .webp or .mp4")
+    recorded = "number of objects to record, an episode each (default: 3)"
+    add("--video-episodes", type=int, default=3, help=recorded)
 
 
 def _add_task(parser: argparse.ArgumentParser) -> None:

@@ -50,16 +50,16 @@ class Parser(argparse.ArgumentParser):
         """Convert as argparse does; refuse an impossible path, and an empty one (the working directory)."""
         name = "/".join(action.option_strings) or action.dest
         if len(text) > _MOST_CHARACTERS:
-            raise UsageError(f"{name} is too long: {len(text)} characters, of {_MOST_CHARACTERS} that are legal")
+            raise UsageError(f"{name} is too long: {len(text)} characters, at most {_MOST_CHARACTERS} are allowed")
         if "\0" in text or any("\ud800" <= character <= "\udfff" for character in text):
-            raise UsageError(f"{name} is no text: {shown(text)} holds NUL, or what is not valid UTF-8")
+            raise UsageError(f"{name} is not text: {shown(text)} contains NUL or is not valid UTF-8")
         if action.type is Path:
             if not text.strip():
                 raise UsageError(f"{name} needs a path, not {shown(text)}")
             try:
                 check_path(text)
             except OSError as error:
-                raise UsageError(f"{name}: {shown(text)} is no path: {error.strerror}") from error
+                raise UsageError(f"{name}: {shown(text)} is not a path: {error.strerror}") from error
         try:
             return super()._get_value(action, text)
         except argparse.ArgumentError as error:

@@ -60,7 +60,7 @@ def collect(
         ClusterError: the cluster cannot be reached, breaks down, or would give other results.
         ConfigError: an illegal number of workers, or another collector is at the folder.
         DemoError: the folder holds a collection of other settings, or is damaged, or cannot be written to.
-        PolicyError: a worker ended by itself, or an episode met an error that is not its own.
+        PolicyError: a worker died, or an episode met an error that is not its own.
     """
     folder = Path(folder)
     check_workers(workers)

@@ -140,7 +140,7 @@ def checked_path(given: Path | str) -> Path:
     try:
         return check_path(given)
     except OSError as error:
-        raise DemoError(f"{shown(str(given))} is no path: {error.strerror}") from error
+        raise DemoError(f"{shown(str(given))} is not a path: {error.strerror}") from error
 
 
 def open_file(path: Path, most_bytes: int = MOST_ARRAY_BYTES) -> Any:

@@ -66,7 +66,7 @@ def replay(
         ConfigError: an illegal number of workers or value of what is seen, or another replay is at the folder.
         DemoError: the demonstrations are damaged or of another catalogue, the folder holds other training files,
             or cannot be written to.
-        PolicyError: a worker ended by itself.
+        PolicyError: a worker died.
     """
     folder, source = _check_arguments(demos, folder, settings, workers)
     with lock_folder(folder, "collector or replay"):

@@ -24,6 +24,7 @@ from artiskill.evaluation.scene_pictures import PictureStyle, check_size
 from artiskill.evaluation.video import write_video
 from artiskill.files import atomic_write, check_output_folder, output_path
 from artiskill.geometry.rotations import quat_to_matrix
+from artiskill.sensors.camera import Camera
 from artiskill.sensors.pictures.compose import below, beside
 from artiskill.sensors.pictures.objects import AZIMUTH_DEG, CLOSED, ELEVATION_DEG, ObjectView
 from artiskill.sensors.render_config import RenderConfig
@@ -95,7 +96,7 @@ def save_episode_picture(path: Path | str, episode: EpisodeChoice, style: Pictur
     """
     moving = check_picture(path)
     if moving and step:
-        raise ConfigError("a step is for still pictures; a moving one shows the whole episode")
+        raise ConfigError("a step is only for still pictures; a video shows the whole episode")
     level = check_level(episode.level)
     actor = load_policy(episode.policy) if moving or step else None
     obj = _one_object(episode.object, episode.task)
@@ -158,10 +159,10 @@ def save_object_picture(
         obj: id, name or path of an object, or one.
         opened: shares of the joints' ranges, as `joint_fractions` of `render_object`; None for closed in a still
             picture and wide open in the middle of a moving one.
-        width: pixels; None for the usual.
-        height: pixels, likewise.
+        width: pixels; None for the default.
+        height: pixels; None for the default.
         viewpoint: by default in front, and as near as the whole object allows.
-        look: how it is drawn; None for the usual.
+        look: how it is drawn; None for the default.
 
     Raises:
         UnknownNameError: no such object.
@@ -173,22 +174,31 @@ def save_object_picture(
     if opened is None:
         opened = 1.0 if moving else CLOSED
     found = obj if isinstance(obj, ArticulatedObject) else load_object(obj)
-    view, place = ObjectView(found, look), viewpoint or Viewpoint()
-    camera = view.camera(
-        (CLOSED, opened),
-        width or WIDTH,
-        height or HEIGHT,
-        AZIMUTH_DEG if place.azimuth_deg is None else place.azimuth_deg,
-        ELEVATION_DEG if place.elevation_deg is None else place.elevation_deg,
-        distance_m=place.distance_m,
-        target_w=place.target_w,
-    )
+    view = ObjectView(found, look)
+    camera = _object_camera(view, opened, width or WIDTH, height or HEIGHT, viewpoint or Viewpoint())
     if not moving:
         return write_picture(path, view.draw(opened, camera))
     shares = (1.0 - np.cos(np.linspace(0.0, np.pi, _SWEEP_FRAMES))) / 2.0  # starts and ends gently
     there = [view.draw(np.asarray(opened) * share, camera) for share in shares.tolist()]
     pause = round(LAST_FRAME_S * FRAMES_PER_S)
     return _write_frames(path, [*there, *[there[-1]] * pause, *there[::-1]])
+
+
+def _object_camera(
+    view: ObjectView, opened: float | Sequence[float], width: int, height: int, place: Viewpoint
+) -> Camera:
+    """Return the camera that shows an object whole, closed and opened, where the viewpoint leaves that open."""
+    azimuth_deg = AZIMUTH_DEG if place.azimuth_deg is None else place.azimuth_deg
+    elevation_deg = ELEVATION_DEG if place.elevation_deg is None else place.elevation_deg
+    return view.camera(
+        (CLOSED, opened),
+        width,
+        height,
+        azimuth_deg,
+        elevation_deg,
+        distance_m=place.distance_m,
+        target_w=place.target_w,
+    )
 
 
 def save_demos_picture(

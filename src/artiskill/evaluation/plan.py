@@ -29,7 +29,7 @@ from artiskill.tasks.task import Task
 
 ALL_TARGETS = "all"
 ANY_TARGET = "any"
-WORKER_HINT = "the policy ended it, or memory ran out, of which fewer workers need less"
+WORKER_HINT = "the policy ended it, or memory ran out; try fewer workers"
 _DEFAULT_OBS_MODE = "state"
 
 

@@ -57,11 +57,11 @@ class PictureStyle:
         check_size(self.width, self.height)
         if self.view == "sensor" and (self.width or self.height):
             raise ConfigError(
-                "the robot's cameras have their size from the task: --set cameras.width=200 cameras.height=80, "
-                "say, in place of --width and --height"
+                "the task sets the size of the robot's cameras: use --set cameras.width=200 cameras.height=80 "
+                "instead of --width and --height"
             )
         if self.view == "sensor" and self.viewpoint != Viewpoint():
-            raise ConfigError("the robot's cameras stand on the robot; a viewpoint is for the other views")
+            raise ConfigError("the view 'sensor' shows the robot's own cameras, so it takes no viewpoint")
         self.viewpoint.camera(_ANY_CAMERA)
 
     @property

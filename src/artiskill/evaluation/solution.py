@@ -129,7 +129,7 @@ def read_solution(path: Path) -> Solution:
         has = f" (it has {near[0]!r})" if near else ""
         raise PolicyError(f"{name} has neither 'policy' nor 'Policy'{has}; {LEGAL_FORMS}")
     if function is not None and policy_class is not None:
-        raise PolicyError(f"{name} has both 'policy' and 'Policy', so which one is meant is open; {LEGAL_FORMS}")
+        raise PolicyError(f"{name} has both 'policy' and 'Policy'; keep one of them ({LEGAL_FORMS})")
     if policy_class is None:
         if inspect.isclass(function) or not callable(function):
             raise PolicyError(f"{name}: 'policy' is {type(function).__name__!r}, not a function; {LEGAL_FORMS}")

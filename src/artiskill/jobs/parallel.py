@@ -63,7 +63,7 @@ def run_jobs(
         describe: a job's name, for errors.
         isolated: have a new process for every job, with one worker, too. Otherwise what a job leaves behind in its
             process meets the next one there.
-        hint: why a worker may have ended by itself, and what to do then.
+        hint: why a worker may have ended unexpectedly, and what to do then.
 
     Returns:
         The results, in the order of the jobs.
@@ -71,7 +71,7 @@ def run_jobs(
     Raises:
         ArtiSkillError: what a job raised, as any other exception; of several, the first that became known, of
             isolated ones the first in their order.
-        PolicyError: a worker ended by itself, or missed a `Deadline`.
+        PolicyError: a worker died, or missed a `Deadline`.
         KeyboardInterrupt: Ctrl-C; its text names the jobs that had to be ended, if there were any.
     """
     listed = _ListedJobs(jobs)
@@ -221,7 +221,7 @@ class _Pool:
                 self._source.finished(number, value)
         if worker.job is not None and worker.is_gone:
             raise PolicyError(
-                f"{self.name_of(worker)}: a worker process ended by itself ({worker.how_it_ended()}): {self._hint}"
+                f"{self.name_of(worker)}: a worker process died ({worker.how_it_ended()}): {self._hint}"
             )
         if worker.job is not None and worker.overdue is not None:
             raise PolicyError(worker.overdue)

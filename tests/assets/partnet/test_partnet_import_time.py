@@ -111,7 +111,7 @@ def test_a_script_without_main_guard_may_import(folder, content_hash, tmp_path):
 def test_a_worker_that_ends_is_told(tmp_path, monkeypatch):
     monkeypatch.setattr(hull_cache, "_COMMAND", "import os, signal; os.kill(os.getpid(), signal.SIGSEGV); {}")
     parts = [DecompositionPart((bow(0.1, 0.03, 0.005),), HANDLE_CONFIG)]
-    with pytest.raises(AssetError, match=r"ended by itself \(SIGSEGV\)"):
+    with pytest.raises(AssetError, match=r"ended unexpectedly \(SIGSEGV\)"):
         decompose_cached(parts, tmp_path)
 
 

@@ -79,7 +79,7 @@ def collision_shapes(
     `decompose` finds the hulls of all parts, of which there may be so many: `hull_cache.decompose_cached`.
 
     Raises:
-        AssetError: a worker ended by itself.
+        AssetError: a worker died.
         MissingExtraError: coacd is needed and not installed.
     """
     shapes: list[list[CollisionShape]] = [[] for _ in links]

@@ -72,7 +72,7 @@ def decompose_cached(
         on_progress: called with the parts done and those in all, a few times a second.
 
     Raises:
-        AssetError: a worker ended by itself.
+        AssetError: a worker died.
         MissingExtraError: coacd is needed and not installed.
     """
     folder, keys = cache_dir / "partnet", [_part_key(part) for part in parts]
@@ -170,8 +170,8 @@ class _Worker:
             code = self._process.wait()
             how = signal.Signals(-code).name if code < 0 else f"exit status {code}"
             raise AssetError(
-                f"the decomposition of a part into convex hulls ended by itself ({how}): memory ran out, or the "
-                "part is more than coacd can do; what was done before is kept"
+                f"the decomposition of a part into convex hulls ended unexpectedly ({how}): memory ran out, or "
+                "the part is more than coacd can do; what was done before is kept"
             ) from error
         if isinstance(answer, BaseException):
             raise answer
