@@ -69,7 +69,7 @@ def task_spec(name: str) -> TaskSpec:
     Raises:
         UnknownNameError: there is no such task.
     """
-    if name not in _TASKS:
+    if isinstance(name, str) and name not in _TASKS:
         add_inherited_tasks()
     check_name("task", name, _TASKS, _HINT)
     return _TASKS[name]
