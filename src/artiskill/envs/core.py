@@ -313,7 +313,7 @@ class ObservationBuffers:
         self._pool = (
             ThreadPoolExecutor(num_threads, "artiskill-render") if self._observers and num_threads > 1 else None
         )
-        self.arrays = empty_observation(self.space, (episodes.count,))
+        self.arrays: Any = empty_observation(self.space, (episodes.count,))
         self.stale = np.ones(episodes.count, dtype=bool)
         for env in range(episodes.count if episodes.begun else 0):
             self.enter(env)
@@ -327,6 +327,7 @@ class ObservationBuffers:
     def renew(self) -> None:
         """Begin a call's observations: what the caller got from the last one stays as it is."""
         if self._gives_copies:
+            self.arrays = None  # first: memory that the caller has freed is used again while it is in the cache
             self.arrays = empty_observation(self.space, (self._episodes.count,))
             self.stale[:] = True
 
