@@ -111,7 +111,7 @@ class FakeProcess:
 
 
 def run_fake(function: Any, source: Any, *messages: tuple[Any, ...], **options: Any) -> None:
-    ray_jobs._run_source(cast(RayProcess, FakeProcess(*messages)), function, source, **options)
+    ray_jobs._RemoteRun(cast(RayProcess, FakeProcess(*messages)), function, source, **options).run()
 
 
 def test_results_and_messages() -> None:

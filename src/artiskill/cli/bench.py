@@ -29,30 +29,18 @@ See docs/performance.md."""
 def add_commands(commands: Any) -> None:
     """Add the command."""
     parser = add_command(commands, "bench", _bench, "measure how fast environments step on this machine", _EPILOG)
-    parser.add_argument("--task", nargs="+", default=["all"], help="names of tasks (default: all)")
-    parser.add_argument(
-        "--obs", nargs="+", default=["state"], help="one or more of state, pointcloud and rgbd (default: state)"
-    )
-    parser.add_argument(
-        "--num-envs",
-        nargs="+",
-        type=int,
-        default=[1, 16, 64],
-        metavar="N",
-        help="numbers of environments (default: 1 16 64)",
-    )
-    parser.add_argument(
-        "--threads", nargs="+", type=int, metavar="N", help="numbers of threads (default: one per core)"
-    )
-    parser.add_argument(
-        "--objects", nargs="+", default=["train"], help="splits, ids or PartNet folders (default: train)"
-    )
-    parser.add_argument("--points", type=int, metavar="N", help="down-sample point clouds to N points")
-    parser.add_argument("--seconds", type=float, default=4.0, help="time to measure each row (default: 4)")
-    parser.add_argument("--out", type=Path, metavar="FOLDER", help="write bench.json and bench.png here")
-    parser.add_argument(
-        "--no-plot", action="store_true", help="do not write bench.png, which needs the extra 'bench'"
-    )
+    add = parser.add_argument
+    add("--task", nargs="+", default=["all"], help="names of tasks (default: all)")
+    modes = "one or more of state, pointcloud and rgbd (default: state)"
+    add("--obs", nargs="+", default=["state"], help=modes)
+    counts = "numbers of environments (default: 1 16 64)"
+    add("--num-envs", nargs="+", type=int, default=[1, 16, 64], metavar="N", help=counts)
+    add("--threads", nargs="+", type=int, metavar="N", help="numbers of threads (default: one per core)")
+    add("--objects", nargs="+", default=["train"], help="splits, ids or PartNet folders (default: train)")
+    add("--points", type=int, metavar="N", help="down-sample point clouds to N points")
+    add("--seconds", type=float, default=4.0, help="time to measure each row (default: 4)")
+    add("--out", type=Path, metavar="FOLDER", help="write bench.json and bench.png here")
+    add("--no-plot", action="store_true", help="do not write bench.png, which needs the extra 'bench'")
 
 
 def _bench(arguments: argparse.Namespace) -> None:

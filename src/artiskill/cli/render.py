@@ -1,6 +1,7 @@
 """`artiskill render`: pictures and videos of an episode or of an object alone."""
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,38 +25,33 @@ def add_commands(commands: Any) -> None:
     parser = add_command(
         commands, "render", _render, "draw an episode or an object, as a picture or video", _EPILOG
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help=".png, .jpg, .gif, .webp or .mp4")
-    parser.add_argument("--object", required=True, help="id, generated:<category>:<seed>, partnet:<id> or path")
-    parser.add_argument("--width", type=int, help="pixels (default: 640)")
-    parser.add_argument("--height", type=int, help="pixels (default: 480)")
-    parser.add_argument("--azimuth", type=float, metavar="DEG", help="direction of the camera, counted from +x")
-    parser.add_argument("--elevation", type=float, metavar="DEG", help="angle of the camera above the horizon")
-    parser.add_argument(
-        "--distance", type=float, metavar="METRES", help="from the camera to the point it looks at"
-    )
-    parser.add_argument(
-        "--at", type=float, nargs=3, metavar=("X", "Y", "Z"), help="point that the camera looks at, in metres"
-    )
+    add = parser.add_argument
+    add("--out", type=Path, required=True, metavar="FILE", help=".png, .jpg, .gif, .webp or .mp4")
+    add("--object", required=True, help="id, generated:<category>:<seed>, partnet:<id> or path")
+    add("--width", type=int, help="pixels (default: 640)")
+    add("--height", type=int, help="pixels (default: 480)")
+    add("--azimuth", type=float, metavar="DEG", help="direction of the camera, counted from +x")
+    add("--elevation", type=float, metavar="DEG", help="angle of the camera above the horizon")
+    add("--distance", type=float, metavar="METRES", help="from the camera to the point it looks at")
+    at = "point that the camera looks at, in metres"
+    add("--at", type=float, nargs=3, metavar=("X", "Y", "Z"), help=at)
     add_set(parser, "change light and other values of render.yaml", "--look")
-    alone = parser.add_argument_group("an object alone")
-    alone.add_argument(
-        "--open",
-        type=float,
-        nargs="+",
-        metavar="SHARE",
-        help="how far joints are open, one share for all or one each (default: 0)",
-    )
-    episode = parser.add_argument_group("an episode")
-    episode.add_argument("--task", help="name of the task, or module:Task of your own package")
-    episode.add_argument("--target", help="target link (default: drawn by the level)")
-    episode.add_argument("--level", "--seed", type=int, help="level (seed) of the episode (default: 0)")
-    episode.add_argument("--policy", help="expert, random, still or path/to/solution.py (default: expert)")
-    episode.add_argument("--step", type=int, help="draw a still picture after this many steps (default: 0)")
-    episode.add_argument("--view", help="world, sensor, cloud or all (default: world)")
-    episode.add_argument("--masks", action="store_true", default=None, help="colour the task's segmentation masks")
-    episode.add_argument(
-        "--set", nargs="+", action="extend", metavar="KEY=VALUE", help="change values of the task's configuration"
-    )
+    alone = parser.add_argument_group("an object alone").add_argument
+    opened = "how far joints are open, one share for all or one each (default: 0)"
+    alone("--open", type=float, nargs="+", metavar="SHARE", help=opened)
+    _add_episode_options(parser.add_argument_group("an episode").add_argument)
+
+
+def _add_episode_options(add: Callable[..., object]) -> None:
+    add("--task", help="name of the task")
+    add("--target", help="target link (default: drawn by the level)")
+    add("--level", "--seed", type=int, help="level (seed) of the episode (default: 0)")
+    add("--policy", help="expert, random, still or path/to/solution.py (default: expert)")
+    add("--step", type=int, help="draw a still picture after this many steps (default: 0)")
+    add("--view", help="world, sensor, cloud or all (default: world)")
+    add("--masks", action="store_true", default=None, help="colour the task's segmentation masks")
+    changes = "change values of the task's configuration"
+    add("--set", nargs="+", action="extend", metavar="KEY=VALUE", help=changes)
 
 
 def _render(arguments: argparse.Namespace) -> None:

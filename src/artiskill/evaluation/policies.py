@@ -32,8 +32,8 @@ class Actor(Protocol):
     """
 
     name: str
-    obs_mode: str | None
-    control_mode: str | None
+    obs_mode: str | None = None
+    control_mode: str | None = None
 
     def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
         """Begin an episode, whose first observation and info these are."""
@@ -42,12 +42,10 @@ class Actor(Protocol):
         """Return the next action, (A,) in [-1, 1]."""
 
 
-class ExpertActor:
+class ExpertActor(Actor):
     """The task's privileged controller: it reads `env.snapshot` and `env.goal`, not the observation."""
 
     name = "expert"
-    obs_mode: str | None = None
-    control_mode: str | None = None
 
     def __init__(self) -> None:
         self._expert: Expert | None = None
@@ -67,12 +65,10 @@ class ExpertActor:
         return env.control.of_joint_action(self._expert.act(env.snapshot, env.goal), env.snapshot)
 
 
-class DemonstratorActor:
+class DemonstratorActor(Actor):
     """The expert as it demonstrates: its manner differs by level, and it is disturbed now and then."""
 
     name = "demonstrator"
-    obs_mode: str | None = None
-    control_mode: str | None = None
 
     def __init__(self) -> None:
         self._demonstrator: Demonstrator | None = None
@@ -93,12 +89,10 @@ class DemonstratorActor:
         return self._demonstrator.act(env)
 
 
-class RandomActor:
+class RandomActor(Actor):
     """Uniform actions, fixed by level and object."""
 
     name = "random"
-    obs_mode: str | None = None
-    control_mode: str | None = None
 
     def __init__(self) -> None:
         self._generator = np.random.default_rng(0)
@@ -112,22 +106,17 @@ class RandomActor:
         return self._generator.uniform(-1.0, 1.0, env.action_space.shape or ())
 
 
-class StillActor:
+class StillActor(Actor):
     """Action zero in every step: no velocities, fingers half open."""
 
     name = "still"
-    obs_mode: str | None = None
-    control_mode: str | None = None
-
-    def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
-        """Do nothing."""
 
     def act(self, env: ManipulationEnv, observation: Any) -> np.ndarray:
         """Return zeros, (A,)."""
         return np.zeros(env.action_space.shape or ())
 
 
-class SolutionActor:
+class SolutionActor(Actor):
     """A participant's function or `Policy` object: sees observation and info only, and answers for its errors."""
 
     def __init__(self, solution: Solution) -> None:
@@ -151,7 +140,7 @@ class SolutionActor:
         return self._solution.act(observation, env.action_space.shape or ())
 
 
-class TimedActor:
+class TimedActor(Actor):
     """An actor that sends a deadline for each action; the parent process ends this one if it is missed.
 
     No code of the same process could stop a policy.

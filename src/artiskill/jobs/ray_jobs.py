@@ -18,9 +18,8 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from functools import partial
 from multiprocessing import Pipe
-from typing import Any, Protocol
+from typing import Any
 
 from artiskill.errors import ClusterError, ConfigError, MissingExtraError, UnknownNameError, shown
 from artiskill.jobs.parallel import JobSource, available_cores
@@ -103,8 +102,10 @@ class RayCluster:
 
 
 @contextlib.contextmanager
-def connected(cluster: RayCluster) -> Iterator["RunSource"]:
-    """Connect to a cluster, and yield what does there what `run_source` does here, each job on one CPU.
+def connected(cluster: RayCluster) -> Iterator[Callable[..., None]]:
+    """Connect to a cluster, and yield a `run_source` that works there, each job on one CPU.
+
+    It takes `function`, `source`, `on_message` and `describe`.
 
     Messages of a job come with its result, in the order in which it sent them. A job that is lost, with its node
     or its process, is done again elsewhere, and the log has a warning; no message arrives twice. So jobs must
@@ -123,34 +124,9 @@ def connected(cluster: RayCluster) -> Iterator["RunSource"]:
     process = RayProcess(cluster)
     try:
         process.connect()
-        yield partial(_run_source, process)
+        yield lambda *jobs, **options: _RemoteRun(process, *jobs, **options).run()
     finally:
         process.stop()
-
-
-class RunSource(Protocol):
-    """`run_source`, wherever the work is done."""
-
-    def __call__(
-        self,
-        function: Callable[[Any, Send], Any],
-        source: JobSource,
-        *,
-        on_message: Send | None = None,
-        describe: Callable[[Any], str] = str,
-    ) -> None:
-        """Have all jobs done."""
-
-
-def _run_source(
-    process: "RayProcess",
-    function: Callable[[Any, Send], Any],
-    source: JobSource,
-    *,
-    on_message: Send | None = None,
-    describe: Callable[[Any], str] = str,
-) -> None:
-    _RemoteRun(process, function, source, on_message or (lambda message: None), describe).run()
 
 
 @dataclass(eq=False)
@@ -160,8 +136,8 @@ class _RemoteRun:
     process: "RayProcess"
     function: Callable[[Any, Send], Any]
     source: JobSource
-    on_message: Send
-    describe: Callable[[Any], str]
+    on_message: Send = lambda message: None
+    describe: Callable[[Any], str] = str
     given: dict[int, Any] = field(default_factory=dict)
     count: int = 0
     may_have_next: bool = True
