@@ -5,13 +5,18 @@ import os
 import re
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 
 from artiskill import __version__
-from artiskill.cli import assets, bench, demos, evaluate, info, render
 from artiskill.cli.parser import Parser, add_debug
 from artiskill.errors import ArtiSkillError
 from artiskill.tasks.registry import load_task
 
+# command -> the module of this package that adds it, in the order of --help
+_MODULES = {
+    **{"demo": "evaluate", "evaluate": "evaluate", "demos": "demos", "render": "render", "assets": "assets"},
+    **{"bench": "bench", "objects": "info", "tasks": "info", "config": "info", "version": "info", "warm": "info"},
+}
 EXIT_OK, EXIT_ERROR, EXIT_INTERRUPTED, EXIT_BROKEN_PIPE = 0, 2, 130, 141
 
 
@@ -28,7 +33,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     argv = list(sys.argv[1:] if argv is None else argv)
     debug = "--debug" in argv
     try:
-        arguments = make_parser().parse_strictly(argv)
+        arguments = make_parser(argv).parse_strictly(argv)
         _load_tasks(arguments)
         status = arguments.run(arguments)
         sys.stdout.flush()
@@ -63,14 +68,16 @@ def _printable(text: str) -> str:
     return re.sub(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", lambda found: repr(found[0])[1:-1], text)
 
 
-def make_parser() -> Parser:
-    """Return the parser of all commands."""
+def make_parser(argv: Sequence[str] = ()) -> Parser:
+    """Return the parser of the command that is asked for, or of all commands if none of them is."""
     parser = Parser(
         prog="artiskill", description="Measure how well manipulation policies generalise to unseen objects."
     )
     parser.add_argument("--version", action="version", version=f"artiskill {__version__}")
     add_debug(parser)
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
-    for module in (evaluate, demos, render, assets, bench, info):
-        module.add_commands(commands)
+    asked = next((word for word in argv if not word.startswith("-")), "")
+    modules = [_MODULES[asked]] if asked in _MODULES else dict.fromkeys(_MODULES.values())
+    for module in modules:
+        import_module(f"artiskill.cli.{module}").add_commands(commands)
     return parser
