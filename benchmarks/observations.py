@@ -70,7 +70,7 @@ def stages(object_id: str) -> dict[str, float]:
             rig = CameraRig(base.task)
             felt = np.empty(rig.agent_space.shape, np.float32)
             instant = ObservationContext(base.snapshot, base.goal, 0, 0, 0)
-            parts["the robot's part"] = median_ms(lambda: rig.feel(instant, felt))  # noqa: B023
+            parts["the robot's part"] = median_ms(lambda: rig.proprioception(instant, felt))  # noqa: B023
         if mode != "state":
             parts[f"observation {mode}, rendering included"] = median_ms(lambda b=base: b._observe())
     return parts
