@@ -1,8 +1,8 @@
 """Jobs on several processes: results in the jobs' order, messages on the way, a prompt end whatever happens.
 
-`pebble` and `concurrent.futures` were tried: a new process for each job takes them 110 and 1500 ms, this pool 9
-ms. Neither ends what a job has started, nor knows which of several errors comes first in the jobs' order, nor
-limits the time of a part of a job.
+`concurrent.futures` with a preloaded fork server, and `pebble`, were tried. A new process for each job takes 9
+to 16 ms with the first, 98 to 128 ms with the second, and 5 to 10 ms here. Neither ends what a job has started,
+nor knows which of several errors comes first in the jobs' order, nor limits the time of a part of a job.
 """
 
 import os
