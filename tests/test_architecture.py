@@ -1,4 +1,4 @@
-"""The shape of the program: which room may use which, what stands outside it, and how long a file may be."""
+"""The shape of the program: which layer may use which, what stands outside it, and how long a file may be."""
 
 import ast
 import re
@@ -15,8 +15,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = ROOT / "src" / "artiskill"
 
-# Each room may use itself and the rooms before it.
-ROOMS = (
+# Each layer may use itself and the layers before it.
+LAYERS = (
     *(
         "errors",
         "files",
@@ -34,16 +34,16 @@ ROOMS = (
     ),
     *("checks", "exports", "experts", "demos", "learning", "evaluation", "gallery", "bench", "viewer", "cli"),
 )
-# The doors of the package: they see every room, no room sees them.
-DOORS = ("__init__", "__main__")
+# Entry points of the package: they import every layer, no layer imports them.
+ENTRY_POINTS = ("__init__", "__main__")
 
 # The engine has three owners: who builds the robot's part of a model, who builds the model, who steps it.
-ENGINE_ROOMS = {"robots", "scene", "sim", "checks", "exports"}
+ENGINE_LAYERS = {"robots", "scene", "sim", "checks", "exports"}
 # These see the simulation as plain values only.
 PLANNER = SOURCE / "experts" / "mpc.py"  # it simulates what would follow
-VALUE_ROOMS = {"sensors", "tasks", "experts"}
+VALUE_LAYERS = {"sensors", "tasks", "experts"}
 SIM_VALUES = ("artiskill.sim.snapshot", "artiskill.sim.states")
-TORCH_ROOMS = {"learning"}
+TORCH_LAYERS = {"learning"}
 
 LONGEST_FILE = 450
 # file -> why it is one file all the same
@@ -62,9 +62,9 @@ class Import:
     at_import_time: bool
 
     @property
-    def room(self) -> str:
-        """The room of the file that imports."""
-        return room_of(module_name(self.path))
+    def layer(self) -> str:
+        """The layer of the file that imports."""
+        return layer_of(module_name(self.path))
 
     def __str__(self) -> str:
         return f"{self.path.relative_to(ROOT)}:{self.line} imports {self.name}"
@@ -75,7 +75,7 @@ def module_name(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" and len(parts) > 2 else parts)
 
 
-def room_of(module: str) -> str:
+def layer_of(module: str) -> str:
     """`artiskill.sim.snapshot` -> `sim`; `artiskill` -> `__init__`."""
     return [*module.split("."), "__init__"][1]
 
@@ -115,18 +115,20 @@ ALL_IMPORTS = [found for path in modules() for found in imports_of(path)]
 
 
 def backward(found: Import) -> bool:
-    """Whether an import goes against the order of the rooms."""
-    if not is_package(found.name, "artiskill") or found.room in DOORS:
+    """Whether an import goes against the order of the layers."""
+    if not is_package(found.name, "artiskill") or found.layer in ENTRY_POINTS:
         return False
-    target = room_of(found.name)
+    target = layer_of(found.name)
     if target.startswith("__"):
         return False  # `artiskill.__version__` says no more than its name
-    return ROOMS.index(target) > ROOMS.index(found.room)
+    return LAYERS.index(target) > LAYERS.index(found.layer)
 
 
-def test_every_room_is_known() -> None:
-    rooms = {room_of(module_name(path)) for path in modules()}
-    assert rooms - set(DOORS) <= set(ROOMS), "a new room needs its place in ROOMS and in docs/architecture.md"
+def test_every_layer_is_known() -> None:
+    layers = {layer_of(module_name(path)) for path in modules()}
+    assert layers - set(ENTRY_POINTS) <= set(LAYERS), (
+        "a new layer needs its place in LAYERS and in docs/architecture.md"
+    )
 
 
 def test_imports_point_one_way() -> None:
@@ -145,14 +147,14 @@ def test_the_check_would_notice() -> None:
     }
 
 
-def test_the_engine_stays_in_its_rooms() -> None:
-    strays = [f for f in ALL_IMPORTS if is_package(f.name, "mujoco") and f.room not in ENGINE_ROOMS]
+def test_the_engine_stays_in_its_layers() -> None:
+    strays = [f for f in ALL_IMPORTS if is_package(f.name, "mujoco") and f.layer not in ENGINE_LAYERS]
     assert not [str(found) for found in strays]
 
 
 def test_simulation_is_seen_as_values() -> None:
     def breaks(found: Import) -> bool:
-        if found.path == PLANNER or found.room not in VALUE_ROOMS or not is_package(found.name, "artiskill.sim"):
+        if found.path == PLANNER or found.layer not in VALUE_LAYERS or not is_package(found.name, "artiskill.sim"):
             return False
         return not any(is_package(found.name, value) for value in SIM_VALUES)
 
@@ -160,7 +162,7 @@ def test_simulation_is_seen_as_values() -> None:
 
 
 def test_torch_stays_in_learning() -> None:
-    strays = [f for f in ALL_IMPORTS if is_package(f.name, "torch") and f.room not in TORCH_ROOMS]
+    strays = [f for f in ALL_IMPORTS if is_package(f.name, "torch") and f.layer not in TORCH_LAYERS]
     assert not [str(found) for found in strays]
 
 
@@ -174,7 +176,7 @@ def test_core_modules_import_only_what_the_core_installs() -> None:
 
     def is_foreign(found: Import) -> bool:
         top = found.name.split(".")[0]
-        if not found.at_import_time or found.room in TORCH_ROOMS or top in ours:
+        if not found.at_import_time or found.layer in TORCH_LAYERS or top in ours:
             return False
         return not core & {name.lower().replace("_", "-") for name in distributions.get(top, [])}
 
