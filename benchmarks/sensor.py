@@ -20,11 +20,12 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 from sensor_scenes import BenchmarkScene, ring, robot_and_cabinet
 
-from artiskill.sensors.camera import Camera, CameraBatch, View
+from artiskill.sensors.camera import Camera, CameraBatch, view_at, views_of
 from artiskill.sensors.drawing.backdrop import resolve_depth, resolve_ids, resolve_position
-from artiskill.sensors.drawing.buffers import BAND_ROWS, drawing_of, thread_scratch
-from artiskill.sensors.drawing.fast_shading import list_runs, set_up_faces
-from artiskill.sensors.drawing.render import colour_rows, draw_view, forget_faces
+from artiskill.sensors.drawing.buffers import BAND_ROWS, buffers_at, thread_scratch
+from artiskill.sensors.drawing.fast_shading import forget_faces, list_runs, set_up_faces
+from artiskill.sensors.drawing.rasterise import draw_view
+from artiskill.sensors.drawing.render import colour_rows, pose_at
 from artiskill.sensors.render_config import load_render_config
 from artiskill.sensors.renderer import Renderer
 
@@ -69,49 +70,43 @@ class Stages:
 
     def __init__(self, scene: BenchmarkScene, renderer: Renderer) -> None:
         self.size = scene.cameras[0].height, scene.cameras[0].width
-        self.tables, self.light = renderer._tables, renderer._lights
-        self.plain = renderer._plain_colours
-        poses = renderer._poses(scene.positions[None], scene.quaternions[None])
-        self.pose = poses.positions[0], poses.rotations[0]
-        self.scratch = thread_scratch(self.tables, len(scene.cameras), *self.size)
-        self.views = [View(c.position_w, c.rotation_w, c.lens()) for c in scene.cameras]
-        self.drawings = [drawing_of(self.scratch.drawings, k) for k in range(len(self.views))]
-        self.faces = [0] * len(self.views)
+        self.scene, self.light = renderer.scene, renderer.lights
+        inputs = renderer.rasterise(scene.positions, scene.quaternions, views_of(scene.cameras)).inputs
+        self.inputs, self.pose = inputs, pose_at(inputs.poses, 0)
+        self.scratch = thread_scratch(self.scene, len(scene.cameras), *self.size)
+        self.views = [view_at(inputs.views, k) for k in range(len(scene.cameras))]
+        self.buffers = [buffers_at(self.scratch.views, k) for k in range(len(self.views))]
         self.depth, self.ids = np.empty(self.size, np.float32), np.empty(self.size, np.int32)
         self.xyz = np.empty((*self.size, 3), np.float32)
         self.draw()
 
     def draw(self) -> None:
         """Into the buffers."""
-        self.backdrops = [
-            draw_view(self.tables, *self.pose, view, True, drawing, self.scratch)
-            for view, drawing in zip(self.views, self.drawings, strict=True)
-        ]
+        for view, buffers in zip(self.views, self.buffers, strict=True):
+            draw_view(self.scene, self.pose, view, True, buffers, self.scratch)
 
     def runs(self) -> None:
         """Lists of runs and faces."""
-        for k, d in enumerate(self.drawings):
-            forget_faces(self.faces[k], d)
-            self.faces[k] = list_runs(d.triangle, d.drawn, d.face_state, d.seen, d.runs, d.row_runs)
+        for buffers in self.buffers:
+            forget_faces(buffers)
+            list_runs(buffers)
 
     def set_up(self) -> None:
         """Faces ready for colouring."""
-        for view, drawing, count in zip(self.views, self.drawings, self.faces, strict=True):
-            set_up_faces(count, self.tables, self.pose[1], view, self.light, drawing, self.scratch.lit)
+        for view, buffers in zip(self.views, self.buffers, strict=True):
+            set_up_faces(self.scene, self.pose.rotations, view, self.light, buffers, self.scratch.lit)
 
     def colour(self) -> None:
         """Depths and colours, band by band."""
-        bands = self.scratch.textured, self.scratch.depth[0], self.scratch.rgb[0]
         for k, view in enumerate(self.views):
             for top in range(0, self.size[0], BAND_ROWS):
                 rows = top, min(BAND_ROWS, self.size[0] - top)
-                looks = self.tables, view, self.light, self.plain, self.backdrops[k], self.drawings[k]
-                colour_rows(*rows, *looks, *bands)
+                colour_rows(k, *rows, self.scene, view, self.light, self.inputs.picture, self.scratch)
 
     def resolve_depth(self) -> None:
         """Depth of whole views."""
-        for backdrop, d in zip(self.backdrops, self.drawings, strict=True):
-            resolve_depth(0, backdrop, d.drawn, d.inverse_depth, d.triangle, self.depth)
+        for buffers in self.buffers:
+            resolve_depth(0, buffers, self.depth)
 
     def resolve_positions(self) -> None:
         """World positions of whole views."""
@@ -120,14 +115,13 @@ class Stages:
 
     def resolve_ids(self) -> None:
         """Ids of whole views."""
-        tables = self.tables.face_geom, self.tables.geom_body_id
-        for backdrop, d in zip(self.backdrops, self.drawings, strict=True):
-            resolve_ids(backdrop, d.drawn, d.triangle, *tables, self.ids)
+        for buffers in self.buffers:
+            resolve_ids(buffers, self.scene.face_geom, self.scene.geom_body_id, self.ids)
 
     def forget(self) -> None:
         """Leave the thread's scratch as it was found."""
-        for count, drawing in zip(self.faces, self.drawings, strict=True):
-            forget_faces(count, drawing)
+        for buffers in self.buffers:
+            forget_faces(buffers)
 
 
 def report_stages(scene: BenchmarkScene, renderer: Renderer, rounds: int) -> None:
@@ -250,7 +244,7 @@ def main() -> None:
         _clock = time.process_time
     for scene in [*map(robot_and_cabinet, options.objects), *map(ring, options.triangles)]:
         renderer = Renderer(scene.visuals, load_render_config("fast"))
-        print(f"{scene.name}: {len(renderer.soup.faces)} triangles, 3 x 400 x 160")
+        print(f"{scene.name}: {len(renderer.scene.faces)} triangles, 3 x 400 x 160")
         report_channels(scene, renderer, options.rounds)
         report_stages(scene, renderer, options.rounds)
         report_threads(scene, renderer, options.rounds)

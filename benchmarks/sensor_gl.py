@@ -76,7 +76,7 @@ class GlSensor:
             np.add(z, np.float32(1 / far), out=z)
             np.divide(np.float32(1), z, out=z)
             np.take(self._geom_of, self.ids[i, ..., 0], out=self.geom[i], mode="clip")
-            focal, centre_x, centre_y = camera.lens()[:3]
+            focal, centre_x, centre_y = camera.lens[:3]
             r = camera.rotation_w
             along, across = (columns + 0.5 - centre_x) / focal, (centre_y - 0.5 - rows) / focal
             for k in range(3):

@@ -317,7 +317,12 @@ def test_no_kernel_leaves_its_arrays(root, tmp_path):
     environment = {**os.environ, "NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path)}
     tests = [
         str(root / "tests" / "sensors" / name)
-        for name in ("test_renderer.py", "test_picture.py", "test_batch.py", "test_sight.py")
+        for name in (
+            "test_renderer.py",
+            "test_batch.py",
+            "drawing/test_picture_shading.py",
+            "observations/test_raster_buffers.py",
+        )
     ]
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", *tests], env=environment, cwd=root, capture_output=True, text=True

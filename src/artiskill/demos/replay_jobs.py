@@ -239,6 +239,6 @@ def _attributes(settings: ReplaySettings, source: FileEntry, object_name: str) -
     }
     if settings.obs_mode == "rgbd":  # what it takes to project, the same in every frame: docs/observations.md
         panorama = Panorama(settings.make_task().cameras)
-        matrices = panorama.parameters(panorama.rays(0.0, 0.0, 0.0))
+        matrices = panorama.parameters(panorama.views(0.0, 0.0, 0.0))
         found |= {name: matrices[name] for name in ("intrinsics", "robot_to_camera")}
     return found

@@ -14,8 +14,8 @@ from artiskill.envs.core import ObservationContext
 from artiskill.errors import check_name
 from artiskill.scene.scene import Scene
 from artiskill.sensors.observations.cameras import Panorama
-from artiskill.sensors.observations.point_cloud import Rays, mask_codes, move_to_frame
-from artiskill.sensors.observations.raster_buffers import CHANNELS, PictureSight, Sight
+from artiskill.sensors.observations.point_cloud import mask_codes, move_to_frame
+from artiskill.sensors.observations.raster_buffers import CloudArrays, ImageArrays, RasterBuffers
 from artiskill.sensors.observations.sampling import Sampler, make_sampler
 from artiskill.sensors.render_config import RenderConfig
 from artiskill.sensors.renderer import BodyVisual, Renderer
@@ -55,19 +55,15 @@ class CameraRig:
         self._scene = scene
         self.codes = mask_codes(self.task.masks(scene, target))
 
-    def render(self, context: ObservationContext) -> tuple[Sight | PictureSight, Rays, dict[str, Any]]:
-        """Return what all cameras see, their rays, and `info["cameras"]`; valid until this thread's next call."""
+    def render(self, context: ObservationContext) -> tuple[RasterBuffers, dict[str, Any]]:
+        """Return what all cameras see, valid until this thread's next call, and `info["cameras"]`."""
         assert self._scene is not None, "an observer is entered before it observes"
         snapshot, row = context.snapshot, context.row
         base = snapshot.robot_qpos[row, :3].tolist()
-        rays = self.panorama.rays(*base)
+        views = self.panorama.views(*base)
         renderer = _renderer(self._scene, self.task.render)
         poses = snapshot.body_position_w[row], snapshot.body_quaternion_w[row]
-        if self.task.render.quality == "fast":
-            sight: Sight | PictureSight = renderer.sight(*poses, self.panorama.views(rays), self.shape[1:])
-        else:
-            sight = PictureSight(renderer.render(*poses, self.panorama.cameras(rays), CHANNELS))
-        return sight, rays, {"cameras": self.panorama.parameters(rays)}
+        return renderer.rasterise(*poses, views), {"cameras": self.panorama.parameters(views)}
 
     def proprioception(self, context: ObservationContext, out: np.ndarray) -> None:
         """Write the robot's part of the state, (38,) or (68,) float32."""
@@ -101,11 +97,11 @@ class RgbdObserver:
 
     def observe(self, context: ObservationContext, out: dict[str, Any]) -> dict[str, Any]:
         """Write the images and the robot's part of the state."""
-        buffers, _, info = self._rig.render(context)
+        buffers, info = self._rig.render(context)
         number, height, width = self._rig.shape
         rgb = out["rgbd"]["rgb"].reshape(height, width, number, 3)
         seg = out["rgbd"]["seg"].reshape(height, width, number, self._rig.masks)
-        buffers.channels(self._rig.codes, rgb, out["rgbd"]["depth"], seg)
+        buffers.write_images(self._rig.codes, ImageArrays(rgb, out["rgbd"]["depth"], seg))
         self._rig.proprioception(context, out["agent"])
         return info
 
@@ -155,19 +151,19 @@ class PointCloudObserver:
         """Write the cloud and the robot's part of the state."""
         cloud = out["pointcloud"]
         self._rig.proprioception(context, out["agent"])
-        buffers, rays, info = self._rig.render(context)
+        buffers, info = self._rig.render(context)
         if self.sampler is None:
             parts = (cloud[name].reshape(*self._rig.shape, -1) for name in ("xyz", "rgb", "seg"))
-            buffers.cloud(self._rig.codes, rays, *parts)
+            buffers.write_cloud(self._rig.codes, CloudArrays(*parts))
             return info
-        pixel_codes = buffers.classified(self._rig.codes, rays)
+        classes = buffers.classify(self._rig.codes)
         generator = level_generator(context.level, RngStream.POINTS, context.elapsed)
-        chosen = self.sampler.choose(pixel_codes, lambda pixels: buffers.positions(pixels, rays), generator)
+        chosen = self.sampler.choose(classes, buffers.positions, generator)
         found = len(chosen)  # only these pixels become points
         for part in cloud.values():
             part[found:] = 0
         xyz = cloud["xyz"]
-        buffers.points(chosen, rays, pixel_codes, xyz[:found], cloud["rgb"][:found], cloud["seg"][:found])
+        buffers.write_points(chosen, classes, CloudArrays(xyz[:found], cloud["rgb"][:found], cloud["seg"][:found]))
         if self._frame != "world":
             move_to_frame(xyz[:found], *_frame_pose(self._frame, context))
         return info

@@ -50,7 +50,7 @@ def inlined_kernel(function: F) -> F:
 
 
 def _compile(function: F, **options: bool) -> F:
-    called: Any = njit(nogil=True, error_model="numpy", **options)(function)
+    called: Any = njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)(function)
     if called is function:  # NUMBA_DISABLE_JIT
         return function
     keep_compiled(called)

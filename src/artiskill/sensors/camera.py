@@ -9,24 +9,7 @@ import numpy as np
 
 from artiskill.config import check
 from artiskill.errors import ConfigError, shown
-from artiskill.geometry.kernel import Array
-
-
-class View(NamedTuple):
-    """A camera as arrays: position (3,), rotation (3, 3), lens (5,) as from `Camera.lens`."""
-
-    position: Array
-    rotation: Array
-    lens: Array
-
-
-class Views(NamedTuple):
-    """K cameras: `positions` (K, 3), `rotations` (K, 3, 3), `lenses` (K, 5) as from `Camera.lens`."""
-
-    positions: Array
-    rotations: Array
-    lenses: Array
-
+from artiskill.geometry.kernel import Array, kernel
 
 # sides below this (relative to unit vectors) count as parallel: the view direction and `up` then fix no roll
 _PARALLEL = 1e-6
@@ -84,7 +67,7 @@ class Camera:
 
     @classmethod
     def look_at(cls, eye: Any, target: Any, up: Any = (0.0, 0.0, 1.0), **lens: Any) -> "Camera":
-        """A camera at `eye` whose optical axis passes through `target`.
+        """Return a camera at `eye` whose optical axis passes through `target`.
 
         Args:
             eye: (3,) optical centre, world, metres.
@@ -116,34 +99,28 @@ class Camera:
 
     @property
     def focal_px(self) -> float:
-        """Focal length in pixels, the same in both directions."""
+        """Return the focal length in pixels, the same in both directions."""
         return 0.5 * self.height / math.tan(0.5 * self.fov_rad)
 
     @property
     def intrinsics(self) -> np.ndarray:
-        """(3, 3) matrix K of the OpenCV convention: pixel = K X / X_z for X with x right, y down, z forward."""
+        """Return the (3, 3) matrix K of OpenCV: pixel = K X / X_z for X with x right, y down, z forward."""
         f = self.focal_px
         return np.array([[f, 0.0, self.width / 2], [0.0, f, self.height / 2], [0.0, 0.0, 1.0]])
 
     @property
     def extrinsics(self) -> np.ndarray:
-        """(4, 4) world to OpenCV camera frame (x right, y down, z forward): what `intrinsics` expects."""
+        """Return (4, 4) world to OpenCV camera frame (x right, y down, z forward): what `intrinsics` expects."""
         rotation = (self.rotation_w * np.array([1.0, -1.0, -1.0])).T
         matrix = np.eye(4)
         matrix[:3, :3] = rotation
         matrix[:3, 3] = -(rotation * self.position_w).sum(axis=1)
         return matrix
 
-    def lens(self, samples_per_axis: int = 1) -> np.ndarray:
-        """(5,) what the kernels read: focal length, centre x, centre y (pixels), near, far (metres).
-
-        Args:
-            samples_per_axis: with s, the image counts s times as many pixels along each side.
-        """
-        s = samples_per_axis
-        return np.array(
-            [self.focal_px * s, self.width * s / 2, self.height * s / 2, self.near_m, self.far_m], dtype=np.float64
-        )
+    @property
+    def lens(self) -> np.ndarray:
+        """Return (5,) what the kernels read: focal length, centre x, centre y (pixels), near, far (metres)."""
+        return np.array([self.focal_px, self.width / 2, self.height / 2, self.near_m, self.far_m])
 
 
 def _length(v: np.ndarray) -> float:
@@ -205,28 +182,52 @@ class CameraBatch:
 
     @property
     def lens_camera(self) -> Camera:
-        """A camera at the origin with this lens."""
+        """Return a camera at the origin with this lens."""
         return Camera(np.zeros(3), np.eye(3), self.width, self.height, self.fov_rad, self.near_m, self.far_m)
 
     @property
-    def views(self) -> Views:
-        """All cameras, environment by environment."""
+    def views(self) -> "Views":
+        """Return all cameras, environment by environment."""
         count = self.positions_w.shape[0] * self.positions_w.shape[1]
-        lenses = np.tile(self.lens_camera.lens(), (count, 1))
-        return Views(self.positions_w.reshape(-1, 3), self.rotations_w.reshape(-1, 3, 3), lenses)
+        _, _, *rest = views_of([self.lens_camera])
+        repeated = (np.repeat(part, count, axis=0) for part in rest)
+        return Views(self.positions_w.reshape(-1, 3), self.rotations_w.reshape(-1, 3, 3), *repeated)
+
+
+class Views(NamedTuple):
+    """K cameras of one resolution as arrays, for the kernels.
+
+    Attributes:
+        positions: (K, 3) float64 optical centres, world.
+        rotations: (K, 3, 3) float64, columns are right, up and backward.
+        lenses: (K, 5) float64 as from `Camera.lens`.
+        ups: (K, H) float64 how far above the optical axis each row lies, at depth 1.
+        rights: (K, W) float32 how far to the right of it each column lies, at depth 1.
+    """
+
+    positions: Array
+    rotations: Array
+    lenses: Array
+    ups: Array
+    rights: Array
+
+
+class View(NamedTuple):
+    """One camera of `Views`: position (3,), rotation (3, 3), lens (5,)."""
+
+    position: Array
+    rotation: Array
+    lens: Array
+
+
+@kernel
+def view_at(views: Views, k: int) -> View:
+    """Return camera k."""
+    return View(views.positions[k], views.rotations[k], views.lenses[k])
 
 
 def views_of(cameras: Sequence[Camera]) -> Views:
-    """Single cameras as arrays."""
-    return Views(
-        np.array([camera.position_w for camera in cameras]),
-        np.array([camera.rotation_w for camera in cameras]),
-        np.array([camera.lens() for camera in cameras]),
-    )
-
-
-def common_resolution(cameras: Sequence[Camera]) -> tuple[int, int]:
-    """Height and width of all cameras.
+    """Return cameras as arrays.
 
     Raises:
         ConfigError: no camera, or different resolutions.
@@ -235,4 +236,13 @@ def common_resolution(cameras: Sequence[Camera]) -> tuple[int, int]:
     if len(resolutions) != 1:
         sizes = ", ".join(f"{w} x {h}" for h, w in sorted(resolutions)) or "no camera"
         raise ConfigError(f"render needs cameras of one resolution, not {sizes}")
-    return resolutions.pop()
+    height, width = resolutions.pop()
+    lenses = np.array([camera.lens for camera in cameras])
+    focal, centre_x, centre_y = lenses[:, :3, None].swapaxes(0, 1)
+    return Views(
+        np.array([camera.position_w for camera in cameras]),
+        np.array([camera.rotation_w for camera in cameras]),
+        lenses,
+        (centre_y - 0.5 - np.arange(height)) / focal,
+        ((np.arange(width) + 0.5 - centre_x) / focal).astype(np.float32),
+    )

@@ -10,19 +10,22 @@ from typing import Any
 import numpy as np
 
 from artiskill.errors import ConfigError, StateError, UnknownNameError, check_name
-from artiskill.sensors.camera import Camera, CameraBatch, View, Views, common_resolution, views_of
+from artiskill.sensors.camera import Camera, CameraBatch, View, Views, views_of
 from artiskill.sensors.drawing.backdrop import Channels, fill_rest
-from artiskill.sensors.drawing.buffers import drawing_of, thread_scratch
+from artiskill.sensors.drawing.buffers import buffers_at, thread_scratch
 from artiskill.sensors.drawing.picture_shading import PictureShader
-from artiskill.sensors.drawing.render import Poses, draw_view, pose_matrices, render_views
-from artiskill.sensors.drawing.scene_tables import BodyVisual, build_scene_tables, build_triangle_soup
-from artiskill.sensors.drawing.shading import lights, plain_colours, surfaces
-from artiskill.sensors.drawing.shadows import transform_vertices
-from artiskill.sensors.observations.raster_buffers import Sight
+from artiskill.sensors.drawing.rasterise import draw_view
+from artiskill.sensors.drawing.render import RenderInputs, pose_matrices, render_views
+from artiskill.sensors.drawing.scene_tables import BodyVisual, Poses, build_scene_tables, part_names
+from artiskill.sensors.drawing.shading import lights
+from artiskill.sensors.observations.raster_buffers import RasterBuffers
 from artiskill.sensors.render_config import RenderConfig
+
+__all__ = ("CHANNELS", "BodyVisual", "Images", "Renderer")
 
 CHANNELS = ("rgb", "depth", "position_w", "geom", "body", "part")
 _NUMBERS = {"rgb": (np.uint8, 3), "depth": (np.float32, 0), "position_w": (np.float32, 3)}
+_NO_PICTURE = np.empty((0, 0, 0, 3), dtype=np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +38,7 @@ class Images:
     _channels: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __getitem__(self, channel: str) -> np.ndarray:
-        """A channel by its name.
+        """Return a channel by its name.
 
         Raises:
             UnknownNameError: it was not rendered.
@@ -46,48 +49,259 @@ class Images:
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Names of the channels that are there."""
+        """Return the names of the channels that are there."""
         return tuple(self._channels)
 
     @property
     def rgb(self) -> np.ndarray:
-        """(C, H, W, 3) uint8 sRGB."""
+        """Return (C, H, W, 3) uint8 sRGB."""
         return self["rgb"]
 
     @property
     def depth(self) -> np.ndarray:
-        """(C, H, W) float32 metres along the optical axis, 0 where nothing is."""
+        """Return (C, H, W) float32 metres along the optical axis, 0 where nothing is."""
         return self["depth"]
 
     @property
     def position_w(self) -> np.ndarray:
-        """(C, H, W, 3) float32 world positions, 0 where nothing is."""
+        """Return (C, H, W, 3) float32 world positions, 0 where nothing is."""
         return self["position_w"]
 
     @property
     def geom(self) -> np.ndarray:
-        """(C, H, W) int32 index of the visual; `backdrop.NOTHING` (-1) or `FLOOR` (-2) where there is none."""
+        """Return (C, H, W) int32 index of the visual; -1 where nothing is, -2 for the floor."""
         return self["geom"]
 
     @property
     def body(self) -> np.ndarray:
-        """(C, H, W) int32 index of the body; -1 where nothing is, -2 for the floor and all that never moves."""
+        """Return (C, H, W) int32 index of the body; -1 where nothing is, -2 for floor and all that never moves."""
         return self["body"]
 
     @property
     def part(self) -> np.ndarray:
-        """(C, H, W) int32 index into `Renderer.part_names`; -1 where nothing is, -2 for the floor."""
+        """Return (C, H, W) int32 index into `Renderer.part_names`; -1 where nothing is, -2 for the floor."""
         return self["part"]
 
 
-def check_channels(channels: Sequence[str]) -> None:
-    """Raise `UnknownNameError` for the first that is none of `CHANNELS`."""
+class Renderer:
+    """Draws one scene in any state; any number of threads may use one: what they write to is their own."""
+
+    def __init__(self, visuals: Sequence[BodyVisual], config: RenderConfig) -> None:
+        """Build what does not depend on the state.
+
+        Args:
+            visuals: surfaces; their order gives the geom ids.
+            config: how to draw, as from `load_render_config`.
+
+        Raises:
+            AssetError: a visual that cannot be drawn.
+        """
+        self.config, self.part_names = config, part_names(visuals)  # what the numbers of `part` stand for
+        self.scene = build_scene_tables(visuals, math.radians(config.crease_angle_deg), config.max_texture_px)
+        self.lights = lights(config)
+        self._body_count = int(self.scene.geom_body.max(initial=-1)) + 1
+        self._pool: ThreadPoolExecutor | None = None
+        self._pool_lock = threading.Lock()
+        self._pool_size = 0
+        self._picture: PictureShader | None = None
+        if config.quality == "picture":
+            self._picture = PictureShader(self.scene, self.part_names, self.lights, config)
+
+    def render(
+        self,
+        body_positions_w: Any,
+        body_quaternions_w: Any,
+        cameras: Sequence[Camera],
+        channels: Sequence[str] = ("rgb",),
+        out: Images | None = None,
+        threads: int = 1,
+    ) -> Images:
+        """Draw the scene in one state.
+
+        Args:
+            body_positions_w: (N, 3) metres; N covers every body that a visual names.
+            body_quaternions_w: (N, 4) wxyz, unit.
+            cameras: C cameras of one resolution.
+            channels: any of `CHANNELS`; what is not asked for is not computed.
+            out: an earlier result to write into: saves the time that new memory takes.
+            threads: how many to use; the images do not depend on it. Pictures use one.
+
+        Raises:
+            UnknownNameError: no such channel.
+            ConfigError: no camera, cameras of different resolutions, or fewer threads than one.
+            StateError: poses of the wrong shape, for too few bodies, or not finite; an `out` that does not fit.
+        """
+        _check_channels(channels)
+        views = views_of(cameras)
+        poses = self._poses_of_one(body_positions_w, body_quaternions_w)
+        images = _allocate_images(channels, (len(cameras), *_resolution(views)), out)
+        self._draw(poses, views, images, threads)
+        return images
+
+    def render_batch(
+        self,
+        body_positions_w: Any,
+        body_quaternions_w: Any,
+        cameras: CameraBatch | Sequence[Sequence[Camera]],
+        channels: Sequence[str] = ("rgb",),
+        out: Images | None = None,
+        threads: int = 1,
+    ) -> Images:
+        """Draw the scene in B states, in parallel over states and cameras.
+
+        Args:
+            body_positions_w: (B, N, 3) metres.
+            body_quaternions_w: (B, N, 4) wxyz, unit.
+            cameras: C cameras for each of B states.
+            channels: as in `render`, as the next two.
+            out: .
+            threads: .
+
+        Returns:
+            Images with shapes (B, C, H, W, ...).
+
+        Raises:
+            UnknownNameError: as in `render`, as the next two.
+            ConfigError: also: a different number of cameras for each state.
+            StateError: also: a different number of poses and camera sets.
+        """
+        _check_channels(channels)
+        positions_w, quaternions_w = _pose_arrays(body_positions_w, body_quaternions_w, "(B, N, 3)")
+        views, sets, per_set = _batch_views(cameras)
+        if sets != len(positions_w):
+            raise StateError(f"poses of {len(positions_w)} environments given, and cameras for {sets}")
+        images = _allocate_images(channels, (sets, per_set, *_resolution(views)), out)
+        self._draw(self._poses(positions_w, quaternions_w), views, images, threads)
+        return images
+
+    def rasterise(self, body_positions_w: Any, body_quaternions_w: Any, views: Views) -> RasterBuffers:
+        """Prepare what cameras see of the scene in one state, for whoever needs only part of it.
+
+        Args:
+            body_positions_w: (N, 3) metres.
+            body_quaternions_w: (N, 4) wxyz, unit.
+            views: C cameras.
+
+        Raises:
+            StateError: as in `render`.
+        """
+        poses = self._poses_of_one(body_positions_w, body_quaternions_w)
+        picture = _NO_PICTURE
+        if self._picture is not None:
+            picture = np.empty((len(views.positions), *_resolution(views), 3), dtype=np.uint8)
+            self._draw_pictures(self._picture, poses, views, picture)
+        scratch = thread_scratch(self.scene, len(views.positions), *_resolution(views))
+        return RasterBuffers(RenderInputs(self.scene, poses, views, self.lights, picture), scratch)
+
+    def _draw(self, poses: Poses, views: Views, images: Images, threads: int) -> None:
+        """Fill the images: geometry and fast colours in one pass, pictures in a second, from several samples."""
+        if threads < 1:
+            raise ConfigError(f"threads must be at least 1, not {threads}")
+        leave_out = ("rgb",) if self._picture is not None else ()
+        if set(images.channels) - set(leave_out):
+            out = _as_kernel_channels(images, leave_out)
+            self._draw_views(poses, views, out, min(threads, len(views.positions)))
+        if self._picture is not None and "rgb" in images.channels:
+            self._draw_pictures(self._picture, poses, views, images.rgb.reshape(-1, *images.rgb.shape[-3:]))
+
+    def _draw_views(self, poses: Poses, views: Views, out: Channels, threads: int) -> None:
+        count = len(views.positions)
+        cameras = count // len(poses.positions) if count else 1
+        inputs = RenderInputs(self.scene, poses, views, self.lights, _NO_PICTURE)
+        # whole environments, as long as that keeps all threads busy
+        chunk = count if threads == 1 else cameras if count >= 2 * threads * cameras else 1
+        pending: Iterator[int] = iter(range(0, count, chunk))  # each thread takes the next when it is done
+
+        def work() -> None:
+            scratch = thread_scratch(self.scene, 1, *_resolution(views))
+            for first in pending:
+                render_views(first, min(first + chunk, count), cameras, inputs, scratch, out)
+
+        futures = [self._workers(threads).submit(work) for _ in range(threads - 1)]
+        work()
+        for future in futures:
+            future.result()
+
+    def _draw_pictures(self, picture: PictureShader, poses: Poses, views: Views, rgb: np.ndarray) -> None:
+        """Write the pictures (K, H, W, 3) of K views, those of one state after those of another."""
+        samples = self.config.samples_per_axis
+        scratch = thread_scratch(self.scene, 1, *(samples * side for side in _resolution(views)))
+        buffers = buffers_at(scratch.views, 0)
+        cameras = len(rgb) // len(poses.positions) if len(rgb) else 1
+        for k in range(len(rgb)):
+            env = k // cameras
+            if k % cameras == 0:
+                posed = picture.pose(Poses(poses.positions[env], poses.rotations[env]))
+            lens = views.lenses[k] * np.array([samples, samples, samples, 1.0, 1.0])
+            view = View(views.positions[k], views.rotations[k], lens)
+            draw_view(self.scene, posed.pose, view, self.lights.has_floor, buffers, scratch)
+            fill_rest(buffers)
+            picture.shade(posed, view, samples, buffers.triangle, rgb[k])
+
+    def _poses_of_one(self, body_positions_w: Any, body_quaternions_w: Any) -> Poses:
+        """Return checked poses of one state, (N, 3) and (N, 4)."""
+        positions_w, quaternions_w = _pose_arrays(body_positions_w, body_quaternions_w, "(N, 3)")
+        return self._poses(positions_w[None], quaternions_w[None])
+
+    def _poses(self, positions_w: np.ndarray, quaternions_w: np.ndarray) -> Poses:
+        """Return checked poses (B, N, 3) and (B, N, 4) of the world and all bodies."""
+        envs, count = positions_w.shape[:2]
+        if count < self._body_count:
+            raise StateError(
+                f"poses of {count} bodies given; the visuals name bodies up to {self._body_count - 1}"
+            )
+        poses = Poses(np.empty((envs, count + 1, 3)), np.empty((envs, count + 1, 3, 3)))
+        bad = pose_matrices(np.ascontiguousarray(positions_w), np.ascontiguousarray(quaternions_w), poses)
+        if bad >= 0:
+            where = f" in environment {bad // count}" if envs > 1 else ""
+            raise StateError(f"the pose of body {bad % count} is not finite{where}")
+        return poses
+
+    def _workers(self, threads: int) -> ThreadPoolExecutor:
+        with self._pool_lock:
+            if self._pool is None or self._pool_size < threads - 1:
+                self._pool_size = threads - 1
+                self._pool = ThreadPoolExecutor(self._pool_size, thread_name_prefix="artiskill-render")
+            return self._pool
+
+
+def _resolution(views: Views) -> tuple[int, int]:
+    """Return height and width."""
+    return views.ups.shape[1], views.rights.shape[1]
+
+
+def _pose_arrays(positions_w: Any, quaternions_w: Any, shape: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return poses as arrays; the positions must have as many dimensions as `shape` names."""
+    positions = np.asarray(positions_w, dtype=np.float64)
+    quaternions = np.asarray(quaternions_w, dtype=np.float64)
+    found = positions.shape
+    if len(found) != shape.count(",") + 1 or found[-1] != 3 or quaternions.shape != (*found[:-1], 4):
+        raise StateError(
+            f"poses must have shapes {shape} and {shape.replace('3', '4')}, not {found} and {quaternions.shape}"
+        )
+    return positions, quaternions
+
+
+def _batch_views(cameras: CameraBatch | Sequence[Sequence[Camera]]) -> tuple[Views, int, int]:
+    """Return cameras as arrays, and their numbers B and C."""
+    if isinstance(cameras, CameraBatch):
+        sets, per_set = cameras.positions_w.shape[:2]
+        if not per_set:
+            raise ConfigError("render needs cameras of one resolution, not no camera")
+        return cameras.views, sets, per_set
+    sizes = {len(one) for one in cameras}
+    if len(sizes) != 1:
+        raise ConfigError(f"every environment needs the same number of cameras, not {sorted(sizes)}")
+    return views_of([camera for one in cameras for camera in one]), len(cameras), sizes.pop()
+
+
+def _check_channels(channels: Sequence[str]) -> None:
     for channel in channels:
         check_name("image channel", channel, CHANNELS)
 
 
-def allocate_images(channels: Sequence[str], shape: tuple[int, ...], out: Images | None) -> Images:
-    """Arrays for the channels, new ones or those of an earlier result.
+def _allocate_images(channels: Sequence[str], shape: tuple[int, ...], out: Images | None) -> Images:
+    """Return arrays for the channels, new ones or those of an earlier result.
 
     Args:
         channels: any of `CHANNELS`.
@@ -115,8 +329,8 @@ def allocate_images(channels: Sequence[str], shape: tuple[int, ...], out: Images
     return Images(arrays)
 
 
-def as_kernel_channels(images: Images, leave_out: Sequence[str] = ()) -> Channels:
-    """The same arrays with one leading dimension for all views, empty where there is no such channel."""
+def _as_kernel_channels(images: Images, leave_out: Sequence[str] = ()) -> Channels:
+    """Return the same arrays with one leading dimension for all views, empty where there is no such channel."""
     arrays = []
     for name in CHANNELS:
         kind, numbers = _NUMBERS.get(name, (np.int32, 0))
@@ -127,235 +341,3 @@ def as_kernel_channels(images: Images, leave_out: Sequence[str] = ()) -> Channel
         else:
             arrays.append(np.empty((0, 0, 0, *tail), dtype=kind))
     return Channels(*arrays)
-
-
-__all__ = ("CHANNELS", "BodyVisual", "Images", "Renderer")
-
-
-class Renderer:
-    """Draws one scene in any state; any number of threads may use one: what they write to is their own."""
-
-    def __init__(self, visuals: Sequence[BodyVisual], config: RenderConfig) -> None:
-        """Build what does not depend on the state.
-
-        Args:
-            visuals: surfaces; their order gives the geom ids.
-            config: how to draw, as from `load_render_config`.
-
-        Raises:
-            AssetError: a visual that cannot be drawn.
-        """
-        self.config = config
-        self.soup = build_triangle_soup(visuals, math.radians(config.crease_angle_deg), config.max_texture_px)
-        self._tables = build_scene_tables(self.soup)
-        self._lights = lights(config)
-        self._plain_colours = plain_colours(self._lights)
-        self._pool: ThreadPoolExecutor | None = None
-        self._pool_lock = threading.Lock()
-        self._pool_size = 0
-        self._picture: PictureShader | None = None
-        if config.quality == "picture":
-            self._picture = PictureShader(self.soup, self._lights, config)
-
-    @property
-    def part_names(self) -> tuple[str, ...]:
-        """What the numbers of the channel `part` stand for."""
-        return self.soup.part_names
-
-    def render(
-        self,
-        body_positions_w: Any,
-        body_quaternions_w: Any,
-        cameras: Sequence[Camera],
-        channels: Sequence[str] = ("rgb",),
-        out: Images | None = None,
-        threads: int = 1,
-    ) -> Images:
-        """Draw the scene in one state.
-
-        Args:
-            body_positions_w: (N, 3) metres; N covers every body that a visual names.
-            body_quaternions_w: (N, 4) wxyz, unit.
-            cameras: C cameras of one resolution.
-            channels: any of `CHANNELS`; what is not asked for is not computed.
-            out: an earlier result to write into: saves the time that new memory takes.
-            threads: how many to use; the images do not depend on it. Pictures use one.
-
-        Raises:
-            UnknownNameError: no such channel.
-            ConfigError: no camera, cameras of different resolutions, or fewer threads than one.
-            StateError: poses of the wrong shape, for too few bodies, or not finite; an `out` that does not fit.
-        """
-        check_channels(channels)
-        resolution = common_resolution(cameras)
-        poses = self._poses_of_one(body_positions_w, body_quaternions_w)
-        images = allocate_images(channels, (len(cameras), *resolution), out)
-        self._draw(poses, views_of(cameras), len(cameras), images, resolution, threads)
-        return images
-
-    def render_batch(
-        self,
-        body_positions_w: Any,
-        body_quaternions_w: Any,
-        cameras: CameraBatch | Sequence[Sequence[Camera]],
-        channels: Sequence[str] = ("rgb",),
-        out: Images | None = None,
-        threads: int = 1,
-    ) -> Images:
-        """Draw the scene in B states, in parallel over states and cameras.
-
-        Args:
-            body_positions_w: (B, N, 3) metres.
-            body_quaternions_w: (B, N, 4) wxyz, unit.
-            cameras: C cameras for each of B states.
-            channels: as in `render`.
-            out: as in `render`.
-            threads: as in `render`.
-
-        Returns:
-            Images with shapes (B, C, H, W, ...).
-
-        Raises:
-            UnknownNameError: as in `render`, as the next two.
-            ConfigError: also: a different number of cameras for each state.
-            StateError: also: a different number of poses and camera sets.
-        """
-        check_channels(channels)
-        positions_w = np.asarray(body_positions_w, dtype=np.float64)
-        quaternions_w = np.asarray(body_quaternions_w, dtype=np.float64)
-        shape = positions_w.shape
-        if len(shape) != 3 or shape[2] != 3 or quaternions_w.shape != (*shape[:2], 4):
-            raise StateError(
-                f"poses must have shapes (B, N, 3) and (B, N, 4), not {shape} and {quaternions_w.shape}"
-            )
-        views, (sets, per_set), resolution = _batch_views(cameras)
-        if sets != shape[0]:
-            raise StateError(f"poses of {shape[0]} environments given, and cameras for {sets}")
-        images = allocate_images(channels, (sets, per_set, *resolution), out)
-        self._draw(self._poses(positions_w, quaternions_w), views, per_set, images, resolution, threads)
-        return images
-
-    def sight(
-        self, body_positions_w: Any, body_quaternions_w: Any, views: Views, resolution: tuple[int, int]
-    ) -> Sight:
-        """What cameras see of the scene in one state, at `fast` quality, for whoever needs only part of it.
-
-        Args:
-            body_positions_w: (N, 3) metres.
-            body_quaternions_w: (N, 4) wxyz, unit.
-            views: C cameras.
-            resolution: height and width of their images.
-
-        Raises:
-            StateError: as in `render`.
-        """
-        scratch = thread_scratch(self._tables, len(views.positions), *resolution)
-        poses = self._poses_of_one(body_positions_w, body_quaternions_w)
-        looks = self._lights, self._plain_colours, self.config.floor.enabled
-        return Sight(self._tables, poses, views, *looks, scratch)
-
-    def _draw(
-        self, poses: Poses, views: Views, cameras: int, images: Images, resolution: tuple[int, int], threads: int
-    ) -> None:
-        """Fill the images: geometry and fast colours in one pass, pictures in a second, from several samples."""
-        if threads < 1:
-            raise ConfigError(f"threads must be at least 1, not {threads}")
-        leave_out = ("rgb",) if self._picture is not None else ()
-        if set(images.channels) - set(leave_out):
-            out = as_kernel_channels(images, leave_out)
-            self._draw_views(poses, views, cameras, out, resolution, min(threads, len(views.positions)))
-        if self._picture is not None and "rgb" in images.channels:
-            rgb = images.rgb.reshape(-1, *images.rgb.shape[-3:])
-            self._draw_pictures(self._picture, poses, views, cameras, rgb)
-
-    def _draw_views(
-        self, poses: Poses, views: Views, cameras: int, out: Channels, resolution: tuple[int, int], threads: int
-    ) -> None:
-        count = len(views.positions)
-        has_floor, plain = self.config.floor.enabled, self._plain_colours
-        # whole environments, as long as that keeps all threads busy
-        chunk = count if threads == 1 else cameras if count >= 2 * threads * cameras else 1
-        pending: Iterator[int] = iter(range(0, count, chunk))  # each thread takes the next when it is done
-
-        def work() -> None:
-            scratch = thread_scratch(self._tables, 1, *resolution)
-            for first in pending:
-                last = min(first + chunk, count)
-                render_views(
-                    first, last, cameras, self._tables, poses, views, self._lights, plain, has_floor, scratch, out
-                )
-
-        futures = [self._workers(threads).submit(work) for _ in range(threads - 1)]
-        work()
-        for future in futures:
-            future.result()
-
-    def _draw_pictures(
-        self, picture: PictureShader, poses: Poses, views: Views, cameras: int, rgb: np.ndarray
-    ) -> None:
-        samples = self.config.samples_per_axis
-        height, width = rgb.shape[1] * samples, rgb.shape[2] * samples
-        scratch = thread_scratch(self._tables, 1, height, width)
-        drawing = drawing_of(scratch.drawings, 0)
-        world = np.empty_like(self.soup.vertices)
-        for k in range(len(rgb)):
-            env = k // cameras
-            positions, rotations = poses.positions[env], poses.rotations[env]
-            if k % cameras == 0:
-                transform_vertices(self.soup.vertices, self.soup.vertex_pose, rotations, positions, world)
-                maps = picture.draw_shadow_maps(world)
-            lens = views.lenses[k] * np.array([samples, samples, samples, 1.0, 1.0])
-            view = View(views.positions[k], views.rotations[k], lens)
-            pose = positions, rotations
-            backdrop = draw_view(self._tables, *pose, view, self.config.floor.enabled, drawing, scratch)
-            fill_rest(backdrop, drawing.inverse_depth, drawing.triangle, drawing.drawn)
-            picture.shade(surfaces(self.soup, world, rotations), view, maps, samples, drawing.triangle, rgb[k])
-
-    def _poses_of_one(self, body_positions_w: Any, body_quaternions_w: Any) -> Poses:
-        """Checked poses of one state, (N, 3) and (N, 4)."""
-        positions_w = np.asarray(body_positions_w, dtype=np.float64)
-        quaternions_w = np.asarray(body_quaternions_w, dtype=np.float64)
-        count = len(positions_w) if positions_w.ndim else 0
-        if positions_w.shape != (count, 3) or quaternions_w.shape != (count, 4):
-            raise StateError(
-                f"poses must have shapes (N, 3) and (N, 4), not {positions_w.shape} and {quaternions_w.shape}"
-            )
-        return self._poses(positions_w[None], quaternions_w[None])
-
-    def _poses(self, positions_w: np.ndarray, quaternions_w: np.ndarray) -> Poses:
-        """Checked poses (B, N, 3) and (B, N, 4) of the world and all bodies."""
-        envs, count = positions_w.shape[:2]
-        if count < self.soup.body_count:
-            raise StateError(
-                f"poses of {count} bodies given; the visuals name bodies up to {self.soup.body_count - 1}"
-            )
-        poses = Poses(np.empty((envs, count + 1, 3)), np.empty((envs, count + 1, 3, 3)))
-        bad = pose_matrices(np.ascontiguousarray(positions_w), np.ascontiguousarray(quaternions_w), *poses)
-        if bad >= 0:
-            where = f" in environment {bad // count}" if envs > 1 else ""
-            raise StateError(f"the pose of body {bad % count} is not finite{where}")
-        return poses
-
-    def _workers(self, threads: int) -> ThreadPoolExecutor:
-        with self._pool_lock:
-            if self._pool is None or self._pool_size < threads - 1:
-                self._pool_size = threads - 1
-                self._pool = ThreadPoolExecutor(self._pool_size, thread_name_prefix="artiskill-render")
-            return self._pool
-
-
-def _batch_views(
-    cameras: CameraBatch | Sequence[Sequence[Camera]],
-) -> tuple[Views, tuple[int, int], tuple[int, int]]:
-    """Cameras as arrays, their numbers (B, C) and their resolution (H, W)."""
-    if isinstance(cameras, CameraBatch):
-        sets, per_set = cameras.positions_w.shape[:2]
-        if not per_set:
-            raise ConfigError("render needs cameras of one resolution, not no camera")
-        return cameras.views, (sets, per_set), (cameras.height, cameras.width)
-    sizes = {len(one) for one in cameras}
-    if len(sizes) != 1:
-        raise ConfigError(f"every environment needs the same number of cameras, not {sorted(sizes)}")
-    flat = [camera for one in cameras for camera in one]
-    resolution = common_resolution(flat)
-    return views_of(flat), (len(cameras), sizes.pop()), resolution

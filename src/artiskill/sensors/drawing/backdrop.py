@@ -10,6 +10,8 @@ import numpy as np
 
 from artiskill.geometry.kernel import Array, kernel
 from artiskill.sensors.camera import View
+from artiskill.sensors.drawing.buffers import ViewBuffers
+from artiskill.sensors.drawing.scene_tables import SceneTables
 from artiskill.sensors.drawing.simd import LANES, clamp_index, fill, fill_linear, invert
 
 NOTHING = -1
@@ -17,6 +19,7 @@ FLOOR = -2
 
 # least and greatest x, least and greatest y on the screen
 Box = tuple[float, float, float, float]
+Single = tuple[np.float32, np.float32, np.float32]
 
 
 class Backdrop(NamedTuple):
@@ -34,9 +37,9 @@ class Backdrop(NamedTuple):
 
 
 @kernel
-def find_backdrop(view: View, has_floor: bool, width: int, floor: Array) -> Backdrop:
-    """The backdrop of a view, whose `floor` is written."""
-    lens, rotation = view.lens, view.rotation
+def find_backdrop(view: View, has_floor: bool, buffers: ViewBuffers) -> Backdrop:
+    """Return the backdrop of a view; its `floor` and numbers are written into the view's buffers, too."""
+    lens, rotation, floor, width = view.lens, view.rotation, buffers.floor, buffers.triangle.shape[1]
     focal, height_m = lens[0], view.position[2]
     farthest, nearest = np.float32(1.0 / lens[4]), np.float32(1.0 / lens[3])
     scale = 0.0  # from below the floor is not seen
@@ -52,12 +55,21 @@ def find_backdrop(view: View, has_floor: bool, width: int, floor: Array) -> Back
         floor[row, 0], floor[row, 1] = min(first, last), max(first, last)
         if per_column == 0.0:
             floor[row, 0], floor[row, 1] = 0, width if farthest < np.float32(w_row) <= nearest else 0
+    numbers = buffers.backdrop
+    numbers[0], numbers[1], numbers[2], numbers[3] = corner, per_column, per_row, farthest
     return Backdrop(corner, per_column, per_row, farthest, floor)
 
 
 @kernel
+def backdrop_of(buffers: ViewBuffers) -> Backdrop:
+    """Return the backdrop that was found for a view."""
+    numbers = buffers.backdrop
+    return Backdrop(numbers[0], numbers[1], numbers[2], np.float32(numbers[3]), buffers.floor)
+
+
+@kernel
 def columns_up_to(limit: np.floating, w_row: float, per_column: float, width: int) -> int:
-    """Where in a row the inverse depth passes a limit: the number of columns on this side of it."""
+    """Return where in a row the inverse depth passes a limit: the number of columns on this side of it."""
     low, high = 0, width
     rising = per_column > 0.0
     while low < high:
@@ -115,10 +127,11 @@ def fill_box(backdrop: Backdrop, box: Box, inverse_depth: Array, triangle: Array
 
 
 @kernel
-def fill_rest(backdrop: Backdrop, inverse_depth: Array, triangle: Array, drawn: Array) -> None:
-    """Fill all pixels that are not yet filled."""
+def fill_rest(buffers: ViewBuffers) -> None:
+    """Fill all pixels of a view that are not yet filled."""
+    triangle = buffers.triangle
     box = (0.0, float(triangle.shape[1]), 0.0, float(triangle.shape[0]))
-    fill_box(backdrop, box, inverse_depth, triangle, drawn)
+    fill_box(backdrop_of(buffers), box, buffers.inverse_depth, triangle, buffers.drawn)
 
 
 class Channels(NamedTuple):
@@ -136,37 +149,45 @@ class Channels(NamedTuple):
     part: Array
 
 
-Single = tuple[np.float32, np.float32, np.float32]
+@kernel
+def resolve_geometry(k: int, scene: SceneTables, view: View, buffers: ViewBuffers, out: Channels) -> None:
+    """Write depth, positions and ids of view k, those that were asked for."""
+    if out.depth.size > 0:
+        resolve_depth(0, buffers, out.depth[k])
+    if out.position_w.size > 0:
+        if out.depth.size > 0:
+            resolve_position(out.depth[k], view, out.position_w[k])
+        else:
+            depth = np.empty(buffers.triangle.shape, dtype=np.float32)
+            resolve_depth(0, buffers, depth)
+            resolve_position(depth, view, out.position_w[k])
+    if out.geom.size > 0:
+        resolve_ids(buffers, scene.face_geom, np.arange(scene.geom_body.shape[0]).astype(np.int32), out.geom[k])
+    if out.body.size > 0:
+        resolve_ids(buffers, scene.face_geom, scene.geom_body_id, out.body[k])
+    if out.part.size > 0:
+        resolve_ids(buffers, scene.face_geom, scene.geom_part, out.part[k])
 
 
 @kernel
-def resolve_depth(
-    first: int, backdrop: Backdrop, drawn: Array, inverse_depth: Array, triangle: Array, depth: Array
-) -> None:
-    """Depth along the optical axis in metres, 0 where nothing is, of some rows.
-
-    Args:
-        first: row of the view.
-        backdrop: of the view.
-        drawn: (H, 2) columns of each row where the buffers have values.
-        inverse_depth: (H, W) buffer.
-        triangle: (H, W) buffer.
-        depth: (R, W) float32 written.
-    """
+def resolve_depth(first: int, buffers: ViewBuffers, depth: Array) -> None:
+    """Write depth along the optical axis in metres, 0 where nothing is, of the rows from `first` on: (R, W)."""
+    backdrop, drawn = backdrop_of(buffers), buffers.drawn
+    inverse_depth, triangle = buffers.inverse_depth, buffers.triangle
     width = depth.shape[1]
     for i in range(depth.shape[0]):
         row = first + i
         begin, end = drawn[row, 0], drawn[row, 1]
-        if begin > 0:
-            backdrop_depth(backdrop, row, 0, begin, depth[i])
         drawn_depth(inverse_depth[row, begin:end], triangle[row, begin:end], depth[i, begin:end])
-        if end < width:
-            backdrop_depth(backdrop, row, end, width, depth[i])
+        for side in range(2):  # one call for left and right: a literal 0 would be compiled for itself
+            first_column, last_column = (0, begin) if side == 0 else (end, width)
+            if first_column < last_column:
+                backdrop_depth(backdrop, row, first_column, last_column, depth[i])
 
 
 @kernel
 def drawn_depth(inverse_depth: Array, triangle: Array, depth: Array) -> None:
-    """Depth of pixels whose values are in the buffers, all (N,)."""
+    """Write the depth of pixels whose values are in the buffers, all (N,)."""
     for i in range(depth.shape[0]):
         z = np.float32(1.0) / inverse_depth[i]
         depth[i] = z if triangle[i] != NOTHING else np.float32(0.0)
@@ -174,7 +195,7 @@ def drawn_depth(inverse_depth: Array, triangle: Array, depth: Array) -> None:
 
 @kernel
 def backdrop_depth(backdrop: Backdrop, row: int, first: int, last: int, depth: Array) -> None:
-    """Depth of the backdrop in the columns first .. last - 1 of a row; `depth` (W,) is written."""
+    """Write the depth of the backdrop into the columns first .. last - 1 of a row, (W,)."""
     a = min(max(backdrop.floor[row, 0], first), last)
     b = max(min(backdrop.floor[row, 1], last), a)
     w_row = backdrop.corner + row * backdrop.per_row
@@ -184,12 +205,12 @@ def backdrop_depth(backdrop: Backdrop, row: int, first: int, last: int, depth: A
         fill(depth[a:b], np.float32(1.0) / np.float32(w_row))
     else:
         fill_linear(depth[a:b], a, w_row, backdrop.per_column)
-        invert(depth[a:b], depth[a:b])
+        invert(depth[a:b])
 
 
 @kernel
 def resolve_position(depth: Array, view: View, position_w: Array) -> None:
-    """World position of what each pixel sees, metres, 0 where nothing is; double precision once per row."""
+    """Write the world position of what each pixel sees, 0 where nothing is; double precision once per row."""
     r, per_px = view.rotation, 1.0 / view.lens[0]
     eye = (np.float32(view.position[0]), np.float32(view.position[1]), np.float32(view.position[2]))
     step = (np.float32(r[0, 0] * per_px), np.float32(r[1, 0] * per_px), np.float32(r[2, 0] * per_px))
@@ -206,7 +227,7 @@ def resolve_position(depth: Array, view: View, position_w: Array) -> None:
 
 @kernel
 def row_of_positions(depth: Array, eye: Single, ray: Single, step: Single, position_w: Array) -> None:
-    """Positions (3 W,) of a row: a flat loop, which the compiler turns into vector instructions.
+    """Write the positions (3 W,) of a row: a flat loop, which the compiler turns into vector instructions.
 
     `eye` is where all rays begin, `ray` the direction of column 0 of length 1 along the optical axis, `step` what
     one column adds to it.
@@ -220,20 +241,16 @@ def row_of_positions(depth: Array, eye: Single, ray: Single, step: Single, posit
 
 
 @kernel
-def resolve_ids(
-    backdrop: Backdrop, drawn: Array, triangle: Array, face_geom: Array, table: Array, ids: Array
-) -> None:
-    """An id per pixel; `NOTHING` and `FLOOR` stand for themselves.
+def resolve_ids(buffers: ViewBuffers, face_geom: Array, table: Array, ids: Array) -> None:
+    """Write an id per pixel; `NOTHING` and `FLOOR` stand for themselves.
 
     Args:
-        backdrop: of the view.
-        drawn: (H, 2) columns of each row where the buffer has values.
-        triangle: (H, W) buffer.
+        buffers: of the view.
         face_geom: (F,) visual of each face.
         table: (G,) id of each visual.
         ids: (H, W) int32 written.
     """
-    floor = backdrop.floor
+    floor, drawn, triangle = buffers.floor, buffers.drawn, buffers.triangle
     for row in range(ids.shape[0]):
         begin, end = drawn[row, 0], drawn[row, 1]
         if end - begin < ids.shape[1]:
@@ -245,7 +262,7 @@ def resolve_ids(
 
 @kernel
 def drawn_ids(triangle: Array, face_geom: Array, table: Array, ids: Array) -> None:
-    """Ids of pixels whose values are in the buffer, all (N,)."""
+    """Write the ids of pixels whose values are in the buffer, all (N,)."""
     for i in range(ids.shape[0]):
         t = triangle[i]
         ids[i] = table[face_geom[t]] if t >= 0 else t

@@ -1,37 +1,118 @@
-"""Pictures for people by deferred shading: soft shadows of sun and sky, textures, a tiled floor, smooth edges."""
+"""Pictures for people by deferred shading: soft shadows of sun and sky, textures, a tiled floor, smooth edges.
+
+A pixel has s x s samples of visibility (multisampling, Akeley 1993). If all show the same triangle it is shaded
+once, in its middle; otherwise once per run of equal triangles among its samples.
+"""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from artiskill.assets.articulated_object import ROOM_WALL
 from artiskill.geometry.kernel import Array, Point, kernel
 from artiskill.sensors.camera import View
 from artiskill.sensors.drawing.backdrop import FLOOR
 from artiskill.sensors.drawing.buffers import Samples, thread_samples, thread_shadow_buffers
-from artiskill.sensors.drawing.scene_tables import TriangleSoup
+from artiskill.sensors.drawing.rasterise import point
+from artiskill.sensors.drawing.scene_tables import Poses, SceneTables
 from artiskill.sensors.drawing.shading import (
     Lights,
-    Surfaces,
     cross3,
     dot3,
     encoded,
     irradiance,
     point_irradiance,
+    rotated_normal,
     specular,
     texel_area,
     tone_mapped,
     trilinear,
-    turned_normal,
     unit3,
 )
-from artiskill.sensors.drawing.shadows import ShadowMap, ShadowPass, add_visibility
+from artiskill.sensors.drawing.shadows import ShadowMap, ShadowPass, add_visibility, transform_vertices
 from artiskill.sensors.render_config import RenderConfig
+
+# the sky's light comes from straight up and from this many directions around, this high
+_SKY_RING = 5
+_SKY_ELEVATION_RAD = math.radians(35)
+# the background reaches the zenith's colour at 1 / 1.4 = 0.71: 45 degrees up
+_CLIMB = 1.4
+
+
+class PosedScene(NamedTuple):
+    """One state of a scene: vertices `world` (V, 3), and maps of sun and sky, valid until the thread's next."""
+
+    pose: Poses
+    world: np.ndarray
+    sun: list[ShadowMap]
+    sky: list[ShadowMap]
+
+
+class PictureShader:
+    """Shades what was rasterised. Any number of threads may use one: each writes to buffers of its own only."""
+
+    def __init__(self, scene: SceneTables, parts: Sequence[str], light: Lights, config: RenderConfig) -> None:
+        """Prepare for a scene, whose `geom_part` counts `parts`."""
+        floor, shadows, occlusion = config.floor, config.shadows, config.occlusion
+        self._scene, self._light = scene, light
+        self._tiles = np.array([floor.tile_m, floor.contrast, floor.fade_start_m, floor.fade_end_m])
+        self._occlusion = occlusion.strength if occlusion.enabled else 0.0
+        # all but the room's walls: they stand behind everything, and a map that held them would be too coarse
+        casts = np.array([name != ROOM_WALL for name in parts], dtype=np.bool_)[scene.geom_part]
+        suns = [light.to_sun] if shadows.enabled else []
+        skies = _sky_directions() if occlusion.enabled else []
+        self._suns = len(suns)
+        self._passes = [ShadowPass(scene, casts, sun, shadows.resolution, shadows.softness_m) for sun in suns]
+        self._passes += [
+            ShadowPass(scene, casts, sky, occlusion.resolution, occlusion.softness_m) for sky in skies
+        ]
+
+    def pose(self, pose: Poses) -> PosedScene:
+        """Draw the shadow maps of a state: once, for all cameras."""
+        world = np.empty_like(self._scene.vertices)
+        transform_vertices(self._scene, pose, world)
+        buffers = thread_shadow_buffers([one.resolution for one in self._passes], len(world))
+        maps = [one.draw(world, into) for one, into in zip(self._passes, buffers, strict=True)]
+        return PosedScene(pose, world, maps[: self._suns], maps[self._suns :])
+
+    def shade(
+        self, posed: PosedScene, view: View, samples_per_axis: int, triangle: np.ndarray, rgb: np.ndarray
+    ) -> None:
+        """Colour an image (H, W, 3) from triangle ids (s H, s W); `view` has its lens in units of samples."""
+        samples, light = thread_samples(triangle.size), self._light
+        count = collect_samples(triangle, samples_per_axis, samples)
+        surface_attributes(count, self._scene, posed.pose.rotations, posed.world, view, light.decode, samples)
+        surroundings(count, view, light, self._tiles, samples)
+        _look_up(count, samples, posed.sun, samples.sunlit)
+        _look_up(count, samples, posed.sky, samples.skylit)
+        illuminate(count, view.position, light, self._occlusion, samples)
+        accumulate_pixels(count, samples, light.encode, rgb)
+
+
+def _look_up(count: int, samples: Samples, maps: list[ShadowMap], visible: np.ndarray) -> None:
+    """Write the mean visibility through several maps, weighted by how much they face the surface; 1 for none."""
+    visible[:count] = 0.0
+    weight = np.zeros(count, dtype=np.float32)
+    for shadow in maps:
+        add_visibility(count, shadow, samples, visible, weight)
+    asked = weight > 0.0
+    np.divide(visible[:count], weight, out=visible[:count], where=asked)
+    visible[:count][~asked] = 1.0
+
+
+def _sky_directions() -> list[np.ndarray]:
+    flat, up = math.cos(_SKY_ELEVATION_RAD), math.sin(_SKY_ELEVATION_RAD)
+    turns = [2.0 * math.pi * (k + 0.25) / _SKY_RING for k in range(_SKY_RING)]
+    ring = [np.array((flat * math.cos(a), flat * math.sin(a), up)) for a in turns]
+    return [np.array((0.0, 0.0, 1.0)), *ring]
 
 
 @kernel
-def collect_samples(triangle: Array, s: int, pixel: Array, shown: Array, screen: Array, share: Array) -> int:
-    """List what to shade in a (s H, s W) buffer of triangle ids; returns how many samples that takes."""
+def collect_samples(triangle: Array, s: int, samples: Samples) -> int:
+    """List what to shade in a (s H, s W) buffer of triangle ids; return how many samples that takes."""
+    pixel, shown, screen, share = samples.pixel, samples.triangle, samples.screen, samples.share
     count = 0
     width = triangle.shape[1] // s
     for row in range(triangle.shape[0] // s):
@@ -57,96 +138,66 @@ def collect_samples(triangle: Array, s: int, pixel: Array, shown: Array, screen:
 
 
 @kernel
-def accumulate_pixels(count: int, pixel: Array, share: Array, colour: Array, encode: Array, rgb: Array) -> None:
-    """Mean colour of each pixel's samples, which follow one another, as sRGB bytes in rgb (H, W, 3)."""
-    width = rgb.shape[1]
-    i = 0
-    while i < count:
-        red, green, blue = 0.0, 0.0, 0.0
-        place = pixel[i]
-        while i < count and pixel[i] == place:
-            red += share[i] * colour[i, 0]
-            green += share[i] * colour[i, 1]
-            blue += share[i] * colour[i, 2]
-            i += 1
-        row, column = place // width, place % width
-        rgb[row, column, 0] = np.uint8(encoded(red, encode) + 0.5)
-        rgb[row, column, 1] = np.uint8(encoded(green, encode) + 0.5)
-        rgb[row, column, 2] = np.uint8(encoded(blue, encode) + 0.5)
-
-
-@kernel
 def surface_attributes(
-    count: int,
-    surface: Surfaces,
-    view: View,
-    decode: Array,
-    triangle: Array,
-    screen: Array,
-    place_w: Array,
-    normal_w: Array,
-    colour: Array,
-    shininess: Array,
-    haze: Array,
+    count: int, scene: SceneTables, rotations: Array, world: Array, view: View, decode: Array, samples: Samples
 ) -> None:
     """Fill the samples that show a triangle; the others are left alone.
 
     Args:
         count: samples in use.
-        surface: what is drawn.
+        scene: what is drawn.
+        rotations: of the poses.
+        world: (V, 3) vertices.
         view: the camera, its lens in units of samples.
         decode: (256,) sRGB bytes to linear.
-        triangle: (S,) see `Samples`, as all that follow.
-        screen: (S, 2).
-        place_w: (S, 3) written.
-        normal_w: (S, 3) written.
-        colour: (S, 3) written.
-        shininess: (S,) written.
-        haze: (S,) written.
+        samples: `place_w`, `normal_w`, `colour`, `shininess` and `haze` are written.
     """
+    place_w, normal_w, colour = samples.place_w, samples.normal_w, samples.colour
+    face_rows, normals, textures, texels = scene.face_rows, scene.point_normals, scene.textures, scene.texels
     for i in range(count):
-        t = triangle[i]
+        t = samples.triangle[i]
         if t < 0:
             continue
-        ray = view_ray(screen[i, 0], screen[i, 1], view.rotation, view.lens)
-        face = surface.faces[t]
-        p0 = from_camera(surface.world, face[0], view.position)
-        p1 = from_camera(surface.world, face[1], view.position)
-        p2 = from_camera(surface.world, face[2], view.position)
+        ray = view_ray(samples.screen[i, 0], samples.screen[i, 1], view.rotation, view.lens)
+        p0 = from_camera(world, face_rows[t, 0], view.position)
+        p1 = from_camera(world, face_rows[t, 1], view.position)
+        p2 = from_camera(world, face_rows[t, 2], view.position)
         b0, b1, b2, det = barycentric(p0, p1, p2, ray)
-        n = surface.corner_normals[t]
-        uv = surface.corner_uvs[t]
-        mixed = (
-            b0 * n[0, 0] + b1 * n[1, 0] + b2 * n[2, 0],
-            b0 * n[0, 1] + b1 * n[1, 1] + b2 * n[2, 1],
-            b0 * n[0, 2] + b1 * n[1, 2] + b2 * n[2, 2],
+        n0, n1, n2 = (
+            point(normals, face_rows[t, 3]),
+            point(normals, face_rows[t, 4]),
+            point(normals, face_rows[t, 5]),
         )
         side = -1.0 if det > 0.0 else 1.0  # seen from behind: light the back
-        normal = turned_normal(surface.rotations, surface.face_body[t] + 1, mixed, side)
-        geom = surface.face_geom[t]
+        geom, uv = face_rows[t, 6], scene.corner_uvs[t]
+        normal = rotated_normal(rotations, scene.geom_body[geom] + 1, mixed(b0, b1, b2, n0, n1, n2), side)
         u, v = b0 * uv[0, 0] + b1 * uv[1, 0] + b2 * uv[2, 0], b0 * uv[0, 1] + b1 * uv[1, 1] + b2 * uv[2, 1]
-        p = (
-            b0 * p0[0] + b1 * p1[0] + b2 * p2[0],
-            b0 * p0[1] + b1 * p1[1] + b2 * p2[1],
-            b0 * p0[2] + b1 * p1[2] + b2 * p2[2],
-        )
-        images = surface.textures[geom]
+        p = mixed(b0, b1, b2, p0, p1, p2)
         # a face's area on the screen shrinks with the third power of the distance, see `set_up_faces`
         depth = -(view.rotation[0, 2] * p[0] + view.rotation[1, 2] * p[1] + view.rotation[2, 2] * p[2])
         area_px = 0.5 * view.lens[0] * view.lens[0] * abs(det)
-        texels_per_px = texel_area(images, uv) * depth * depth * depth / area_px
-        texel = trilinear(images, surface.texels, u, v, texels_per_px, decode)
+        texels_per_px = texel_area(textures[geom], uv) * depth * depth * depth / area_px
+        texel = trilinear(textures[geom], texels, u, v, texels_per_px, decode)
         for k in range(3):
             place_w[i, k] = np.float32(p[k] + view.position[k])
             normal_w[i, k] = np.float32(normal[k])
-            colour[i, k] = np.float32(surface.materials[geom, k] * texel[k])
-        shininess[i] = np.float32(surface.materials[geom, 3])
-        haze[i] = np.float32(0.0)
+            colour[i, k] = np.float32(scene.materials[geom, k] * texel[k])
+        samples.shininess[i], samples.haze[i] = np.float32(scene.materials[geom, 3]), np.float32(0.0)
+
+
+@kernel
+def mixed(b0: float, b1: float, b2: float, p0: Point, p1: Point, p2: Point) -> Point:
+    """Return the sum of three points with these weights."""
+    return (
+        b0 * p0[0] + b1 * p1[0] + b2 * p2[0],
+        b0 * p0[1] + b1 * p1[1] + b2 * p2[1],
+        b0 * p0[2] + b1 * p1[2] + b2 * p2[2],
+    )
 
 
 @kernel
 def view_ray(x: float, y: float, rotation: Array, lens: Array) -> Point:
-    """Direction in the world of what the screen shows at (x, y), of length 1 along the optical axis."""
+    """Return the direction in the world of what the screen shows at (x, y), of length 1 along the optical axis."""
     right, up = (x - lens[1]) / lens[0], (lens[2] - y) / lens[0]
     return (
         rotation[0, 0] * right + rotation[0, 1] * up - rotation[0, 2],
@@ -157,13 +208,13 @@ def view_ray(x: float, y: float, rotation: Array, lens: Array) -> Point:
 
 @kernel
 def from_camera(world: Array, vertex: int, position: Array) -> Point:
-    """A vertex relative to the camera's place, along world axes."""
+    """Return a vertex relative to the camera's place, along world axes."""
     return world[vertex, 0] - position[0], world[vertex, 1] - position[1], world[vertex, 2] - position[2]
 
 
 @kernel
 def barycentric(p0: Point, p1: Point, p2: Point, ray: Point) -> tuple[float, float, float, float]:
-    """Where a ray from the origin meets a triangle, clamped into it, and the determinant, positive from behind."""
+    """Return where a ray from the origin meets a triangle, clamped into it; a determinant, > 0 from behind."""
     c0, c1, c2 = cross3(p1, p2), cross3(p2, p0), cross3(p0, p1)
     det = dot3(p0, c0)
     side = 1.0 if det > 0.0 else -1.0
@@ -174,58 +225,34 @@ def barycentric(p0: Point, p1: Point, p2: Point, ray: Point) -> tuple[float, flo
     return b0 / total, b1 / total, b2 / total, det
 
 
-# the background reaches the zenith's colour at 1 / 1.4 = 0.71: 45 degrees up
-_CLIMB = 1.4
-
-
 @kernel
-def surroundings(
-    count: int,
-    position: Array,
-    rotation: Array,
-    lens: Array,
-    floor: Array,
-    tiles: Array,
-    sky: Array,
-    triangle: Array,
-    screen: Array,
-    place_w: Array,
-    normal_w: Array,
-    colour: Array,
-    shininess: Array,
-    haze: Array,
-) -> None:
+def surroundings(count: int, view: View, light: Lights, tiles: Array, samples: Samples) -> None:
     """Fill the samples that show the floor or the background; the others are left alone.
 
     Args:
         count: samples in use.
-        position: (3,) of the camera, as the next two.
-        rotation: (3, 3).
-        lens: (5,) in units of samples.
-        floor: (3,) linear colour.
+        view: the camera, its lens in units of samples.
+        light: colours of floor and background.
         tiles: (4,) tile_m, contrast, fade_start_m, fade_end_m of `FloorConfig`.
-        sky: (2, 3) linear colours of horizon and zenith.
-        triangle: (S,) see `Samples`, as all that follow.
-        screen: (S, 2).
-        place_w: (S, 3) written for the floor.
-        normal_w: (S, 3) written for the floor.
-        colour: (S, 3) written: the floor's albedo, the background's colour.
-        shininess: (S,) written.
-        haze: (S,) written; 1 for the background.
+        samples: written; `place_w` and `normal_w` for the floor only, of the background `colour` is the colour
+            itself, and `haze` 1.
     """
+    position, rotation, lens = view.position, view.rotation, view.lens
+    floor, horizon, zenith = light.floor, light.horizon, light.zenith
+    place_w, normal_w, colour, haze = samples.place_w, samples.normal_w, samples.colour, samples.haze
     for i in range(count):
-        if triangle[i] >= 0:
+        if samples.triangle[i] >= 0:
             continue
-        ray = view_ray(screen[i, 0], screen[i, 1], rotation, lens)
-        shininess[i] = np.float32(0.0)
+        ray = view_ray(samples.screen[i, 0], samples.screen[i, 1], rotation, lens)
+        samples.shininess[i] = np.float32(0.0)
         reach = -position[2] / ray[2]
         away = reach * math.sqrt(ray[0] * ray[0] + ray[1] * ray[1])
         haze[i] = np.float32(smooth_step((away - tiles[2]) / (tiles[3] - tiles[2])))
-        if triangle[i] != FLOOR or haze[i] >= 1.0:
+        if samples.triangle[i] != FLOOR or haze[i] >= 1.0:
             haze[i] = np.float32(1.0)
             climb = min(1.0, max(0.0, _CLIMB * ray[2] / math.sqrt(dot3(ray, ray))))
             for k in range(3):
-                colour[i, k] = np.float32(sky[0, k] + climb * (sky[1, k] - sky[0, k]))
+                colour[i, k] = np.float32(horizon[k] + climb * (zenith[k] - horizon[k]))
             continue
         x, y = position[0] + reach * ray[0], position[1] + reach * ray[1]
         width_x, width_y = footprint(ray, position[2], rotation, lens[0])
@@ -238,7 +265,7 @@ def surroundings(
 
 @kernel
 def footprint(ray: Point, height: float, rotation: Array, focal: float) -> tuple[float, float]:
-    """How far, along x and y, a ray's foot on the floor moves when its place on the screen does by two samples."""
+    """Return how far a ray's foot on the floor moves along x and y when the ray moves by two samples."""
     scale = 2.0 * height / (ray[2] * ray[2] * focal)
     x0 = abs(rotation[0, 0] * ray[2] - ray[0] * rotation[2, 0])
     x1 = abs(rotation[0, 1] * ray[2] - ray[0] * rotation[2, 1])
@@ -249,14 +276,14 @@ def footprint(ray: Point, height: float, rotation: Array, focal: float) -> tuple
 
 @kernel
 def smooth_step(x: float) -> float:
-    """0 below 0, 1 above 1, a cubic between."""
+    """Return 0 below 0, 1 above 1, a cubic between."""
     x = min(1.0, max(0.0, x))
     return x * x * (3.0 - 2.0 * x)
 
 
 @kernel
 def square_wave(x: float, width: float) -> float:
-    """Mean over `width` of a wave that is +1 and -1 in turns of length 1, by its integral, a triangle wave."""
+    """Return the mean over `width` of a wave that is +1 and -1 in turns of length 1, by its integral."""
     width = max(width, 1e-6)
     if width > 8.0:
         return 0.0
@@ -265,102 +292,13 @@ def square_wave(x: float, width: float) -> float:
 
 @kernel
 def triangle_wave(x: float) -> float:
-    """Integral of the square wave: between 0 and 1, period 2."""
+    """Return the integral of the square wave: between 0 and 1, period 2."""
     phase = 0.5 * x - math.floor(0.5 * x)
     return 1.0 - abs(2.0 * phase - 1.0)
 
 
-# the sky's light comes from straight up and from this many directions around, this high
-_SKY_RING = 5
-_SKY_ELEVATION_RAD = math.radians(35)
-
-
-class ShadowMaps(NamedTuple):
-    """Of one state of a scene: of the sun, and of the directions that the sky's light comes from."""
-
-    sun: list[ShadowMap]
-    sky: list[ShadowMap]
-
-
-class PictureShader:
-    """Shades what was rasterised. Any number of threads may use one: each writes to buffers of its own only."""
-
-    def __init__(self, soup: TriangleSoup, light: Lights, config: RenderConfig) -> None:
-        """Prepare for a scene."""
-        floor = config.floor
-        self._light = light
-        self._tiles = np.array([floor.tile_m, floor.contrast, floor.fade_start_m, floor.fade_end_m])
-        self._background = np.stack((light.horizon, light.zenith))
-        self._occlusion = config.occlusion.strength if config.occlusion.enabled else 0.0
-        self._sun_passes: list[ShadowPass] = []
-        self._sky_passes: list[ShadowPass] = []
-        shadows, occlusion = config.shadows, config.occlusion
-        if shadows.enabled:
-            self._sun_passes.append(ShadowPass(soup, light.to_sun, shadows.resolution, shadows.softness_m))
-        if occlusion.enabled:
-            for direction in _sky_directions():
-                self._sky_passes.append(ShadowPass(soup, direction, occlusion.resolution, occlusion.softness_m))
-        self._map_sides = [one.resolution for one in (*self._sun_passes, *self._sky_passes)]
-
-    def draw_shadow_maps(self, world: np.ndarray) -> ShadowMaps:
-        """The shadow maps for vertices (V, 3) in the world: once per state, for all cameras.
-
-        They are valid until the calling thread draws others, of whatever scene.
-        """
-        buffers = thread_shadow_buffers(self._map_sides, len(world))
-        passes = (*self._sun_passes, *self._sky_passes)
-        maps = [one.draw(world, into) for one, into in zip(passes, buffers, strict=True)]
-        return ShadowMaps(maps[: len(self._sun_passes)], maps[len(self._sun_passes) :])
-
-    def shade(
-        self,
-        surface: Surfaces,
-        view: View,
-        maps: ShadowMaps,
-        samples_per_axis: int,
-        triangle: np.ndarray,
-        rgb: np.ndarray,
-    ) -> None:
-        """Colour an image (H, W, 3) from triangle ids (s H, s W); `view` has its lens in units of samples."""
-        q, light = thread_samples(triangle.size), self._light
-        count = collect_samples(triangle, samples_per_axis, q.pixel, q.triangle, q.screen, q.share)
-        attributes = q.triangle, q.screen, q.place_w, q.normal_w, q.colour, q.shininess, q.haze
-        surface_attributes(count, surface, view, light.decode, *attributes)
-        surroundings(count, *view, light.floor, self._tiles, self._background, *attributes)
-        self._look_up(count, q, maps.sun, q.sunlit)
-        self._look_up(count, q, maps.sky, q.skylit)
-        geometry, visibility = (q.place_w, q.normal_w), (q.sunlit, q.skylit)
-        illuminate(
-            count, view.position, light, self._occlusion, *geometry, *visibility, q.shininess, q.haze, q.colour
-        )
-        accumulate_pixels(count, q.pixel, q.share, q.colour, light.encode, rgb)
-
-    @staticmethod
-    def _look_up(count: int, q: Samples, maps: list[ShadowMap], visible: np.ndarray) -> None:
-        """Mean visibility through several maps, weighted by how much they face the surface; 1 where none does."""
-        visible[:count] = 0.0
-        weight = np.zeros(count, dtype=np.float32)
-        for shadow in maps:
-            add_visibility(count, *shadow, q.place_w, q.normal_w, q.haze, visible, weight)
-        asked = weight > 0.0
-        np.divide(visible[:count], weight, out=visible[:count], where=asked)
-        visible[:count][~asked] = 1.0
-
-
 @kernel
-def illuminate(
-    count: int,
-    position: Array,
-    light: Lights,
-    occlusion: float,
-    place_w: Array,
-    normal_w: Array,
-    sunlit: Array,
-    skylit: Array,
-    shininess: Array,
-    haze: Array,
-    colour: Array,
-) -> None:
+def illuminate(count: int, position: Array, light: Lights, occlusion: float, samples: Samples) -> None:
     """Turn each sample's albedo into its colour, linear in [0, 1], hazy with the horizon.
 
     Args:
@@ -368,14 +306,10 @@ def illuminate(
         position: (3,) of the camera.
         light: lights.
         occlusion: how much of the ambient light hiding from the sky takes away.
-        place_w: (S, 3) see `Samples`, as all that follow.
-        normal_w: (S, 3).
-        sunlit: (S,).
-        skylit: (S,).
-        shininess: (S,).
-        haze: (S,).
-        colour: (S, 3) read and written.
+        samples: `colour` is read and written.
     """
+    place_w, normal_w, colour = samples.place_w, samples.normal_w, samples.colour
+    sunlit, skylit, shininess, haze = samples.sunlit, samples.skylit, samples.shininess, samples.haze
     for i in range(count):
         if haze[i] >= 1.0 and shininess[i] == 0.0:
             continue
@@ -395,8 +329,21 @@ def illuminate(
             colour[i, k] = np.float32(value + haze[i] * (light.horizon[k] - value))
 
 
-def _sky_directions() -> list[np.ndarray]:
-    flat, up = math.cos(_SKY_ELEVATION_RAD), math.sin(_SKY_ELEVATION_RAD)
-    turns = [2.0 * math.pi * (k + 0.25) / _SKY_RING for k in range(_SKY_RING)]
-    ring = [np.array((flat * math.cos(a), flat * math.sin(a), up)) for a in turns]
-    return [np.array((0.0, 0.0, 1.0)), *ring]
+@kernel
+def accumulate_pixels(count: int, samples: Samples, encode: Array, rgb: Array) -> None:
+    """Write the mean colour of each pixel's samples, which follow one another, as sRGB bytes in rgb (H, W, 3)."""
+    pixel, share, colour = samples.pixel, samples.share, samples.colour
+    width = rgb.shape[1]
+    i = 0
+    while i < count:
+        red, green, blue = 0.0, 0.0, 0.0
+        place = pixel[i]
+        while i < count and pixel[i] == place:
+            red += share[i] * colour[i, 0]
+            green += share[i] * colour[i, 1]
+            blue += share[i] * colour[i, 2]
+            i += 1
+        row, column = place // width, place % width
+        rgb[row, column, 0] = np.uint8(encoded(red, encode) + 0.5)
+        rgb[row, column, 1] = np.uint8(encoded(green, encode) + 0.5)
+        rgb[row, column, 2] = np.uint8(encoded(blue, encode) + 0.5)

@@ -1,213 +1,118 @@
-"""Kernels that draw views without the interpreter, and their inputs."""
+"""Kernels that draw whole views without the interpreter, and their inputs."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from artiskill.geometry.kernel import Array, kernel
-from artiskill.sensors.camera import View, Views
-from artiskill.sensors.drawing.backdrop import (
-    Backdrop,
-    Channels,
-    fill_rest,
-    find_backdrop,
-    resolve_depth,
-    resolve_ids,
-    resolve_position,
+from artiskill.sensors.camera import View, Views, view_at
+from artiskill.sensors.drawing.backdrop import Channels, fill_rest, resolve_depth, resolve_geometry
+from artiskill.sensors.drawing.buffers import BAND_ROWS, Scratch, buffers_at
+from artiskill.sensors.drawing.fast_shading import (
+    forget_faces,
+    list_runs,
+    paint_rows,
+    paint_textures,
+    set_up_faces,
 )
-from artiskill.sensors.drawing.buffers import BAND_ROWS, Drawing, Scratch, drawing_of
-from artiskill.sensors.drawing.fast_shading import UNSEEN, list_runs, paint_rows, paint_textures, set_up_faces
-from artiskill.sensors.drawing.rasterise import draw_geoms
-from artiskill.sensors.drawing.scene_tables import SceneTables
+from artiskill.sensors.drawing.rasterise import draw_view
+from artiskill.sensors.drawing.scene_tables import Poses, SceneTables
 from artiskill.sensors.drawing.shading import Lights, light_floor
-from artiskill.sensors.drawing.simd import copy, fill
+from artiskill.sensors.drawing.simd import copy
 
 
-class Poses(NamedTuple):
-    """The world, index 0, and N bodies: `positions` (B, N + 1, 3), `rotations` (B, N + 1, 3, 3)."""
+class RenderInputs(NamedTuple):
+    """What is drawn of B environments with C views each.
 
-    positions: Array
-    rotations: Array
+    Attributes:
+        scene: surfaces.
+        poses: (B, ...) of the bodies.
+        views: B * C cameras, those of one environment after those of another.
+        light: lights and the display table.
+        picture: (B * C, H, W, 3) uint8 colours that are drawn already, or no elements.
+    """
+
+    scene: SceneTables
+    poses: Poses
+    views: Views
+    light: Lights
+    picture: Array
 
 
 @kernel
 def render_views(
-    first: int,
-    last: int,
-    cameras: int,
-    scene: SceneTables,
-    poses: Poses,
-    views: Views,
-    light: Lights,
-    plain: Array,
-    has_floor: bool,
-    scratch: Scratch,
-    out: Channels,
+    first: int, last: int, cameras: int, inputs: RenderInputs, scratch: Scratch, out: Channels
 ) -> None:
-    """Draw views first .. last - 1 of all views, those of one environment after those of another.
+    """Draw views first .. last - 1.
 
     Args:
         first: a view.
         last: one past the last view.
         cameras: views per environment.
-        scene: what is drawn.
-        poses: of all environments.
-        views: the cameras.
-        light: lights and the display table.
-        plain: (2, 3) uint8 colours of background and floor.
-        has_floor: whether the ground is drawn.
+        inputs: what is drawn.
         scratch: of this thread, for one view.
-        out: the channels to write, K images each or none.
+        out: the channels to write.
     """
-    drawing = drawing_of(scratch.drawings, 0)
+    scene, light, buffers = inputs.scene, inputs.light, buffers_at(scratch.views, 0)
     for k in range(first, last):
-        view = View(views.positions[k], views.rotations[k], views.lenses[k])
-        positions, rotations = poses.positions[k // cameras], poses.rotations[k // cameras]
-        backdrop = draw_view(scene, positions, rotations, view, has_floor, drawing, scratch)
+        view, pose = view_at(inputs.views, k), pose_at(inputs.poses, k // cameras)
+        draw_view(scene, pose, view, light.has_floor, buffers, scratch)
         if out.rgb.size > 0:
-            count = list_runs(
-                drawing.triangle,
-                drawing.drawn,
-                drawing.face_state,
-                drawing.seen,
-                drawing.runs,
-                drawing.row_runs,
-            )
-            set_up_faces(count, scene, rotations, view, light, drawing, scratch.lit)
-            band, depth = scratch.rgb[0], scratch.depth[0]
+            list_runs(buffers)
+            set_up_faces(scene, pose.rotations, view, light, buffers, scratch.lit)
             for top in range(0, out.rgb.shape[1], BAND_ROWS):
                 rows = min(BAND_ROWS, out.rgb.shape[1] - top)
-                colour_rows(top, rows, scene, view, light, plain, backdrop, drawing, scratch.textured, depth, band)
-                copy(band[: rows * out.rgb.shape[2]].reshape(-1), out.rgb[k, top:].reshape(-1))
-            forget_faces(count, drawing)
-        resolve_geometry(k, scene, view, backdrop, drawing, out)
+                colour_rows(0, top, rows, scene, view, light, inputs.picture, scratch)
+                copy(scratch.rgb[0, : rows * out.rgb.shape[2]].reshape(-1), out.rgb[k, top:].reshape(-1))
+            forget_faces(buffers)
+        resolve_geometry(k, scene, view, buffers, out)
 
 
 @kernel
-def draw_view(
-    scene: SceneTables,
-    positions: Array,
-    rotations: Array,
-    view: View,
-    has_floor: bool,
-    drawing: Drawing,
-    scratch: Scratch,
-) -> Backdrop:
-    """Draw all visuals into the buffers of a view, which hold values only where something may be drawn."""
-    backdrop = find_backdrop(view, has_floor, drawing.triangle.shape[1], drawing.floor)
-    fill(drawing.drawn.reshape(-1), 0)
-    draw_geoms(
-        scene,
-        positions,
-        rotations,
-        view,
-        backdrop,
-        drawing.camera,
-        scratch.projected,
-        scratch.candidates,
-        drawing.inverse_depth,
-        drawing.triangle,
-        drawing.drawn,
-    )
-    return backdrop
+def pose_at(poses: Poses, env: int) -> Poses:
+    """Return the poses of one environment."""
+    return Poses(poses.positions[env], poses.rotations[env])
 
 
 @kernel
 def colour_rows(
-    top: int,
-    rows: int,
-    scene: SceneTables,
-    view: View,
-    light: Lights,
-    plain: Array,
-    backdrop: Backdrop,
-    drawing: Drawing,
-    textured: Array,
-    depth: Array,
-    rgb: Array,
+    slot: int, top: int, rows: int, scene: SceneTables, view: View, light: Lights, picture: Array, scratch: Scratch
 ) -> None:
-    """Depths and colours of some rows of a view whose faces are set up.
+    """Write depths and colours of some rows of a view whose faces are set up, unless there is a picture.
 
     Args:
+        slot: number of the view in the scratch, whose `depth` and `rgb` are written, and in the picture.
         top: the first row.
         rows: how many.
-        scene: what is drawn.
-        view: the camera.
-        light: lights and the display table.
-        plain: (2, 3) uint8 colours of background and floor.
-        backdrop: of the view.
-        drawing: of the view.
-        textured: see `Scratch`, as the next two.
-        depth: (BAND_ROWS * W + LANES,) written.
-        rgb: (BAND_ROWS * W + LANES, 3) written.
+        scene: see `RenderInputs`, as the next three.
+        view: one of them.
+        light: .
+        picture: .
+        scratch: of this thread.
     """
-    triangle, state, planes = drawing.triangle, drawing.face_state, drawing.face_planes
-    width = triangle.shape[1]
-    resolve_depth(
-        top, backdrop, drawing.drawn, drawing.inverse_depth, triangle, depth[: rows * width].reshape(rows, width)
-    )
-    left = paint_rows(
-        top,
-        rows,
-        view.lens,
-        plain,
-        backdrop.floor,
-        drawing.runs,
-        drawing.row_runs,
-        depth,
-        triangle,
-        state,
-        planes,
-        textured,
-        rgb,
-    )
+    buffers, depth, rgb = buffers_at(scratch.views, slot), scratch.depth[slot], scratch.rgb[slot]
+    width = buffers.triangle.shape[1]
+    resolve_depth(top, buffers, depth[: rows * width].reshape(rows, width))
+    if picture.size > 0:
+        copy(picture[slot, top : top + rows].reshape(-1), rgb.reshape(-1))
+        return
+    left = paint_rows(top, rows, view.lens, light.plain, buffers, scratch.textured, depth, rgb)
     if left > 0:
-        looks = scene.face_geom, scene.textures, scene.texels
-        paint_textures(top, view.lens, drawing.runs, textured[:left], depth, triangle, state, planes, *looks, rgb)
+        paint_textures(top, view.lens, scene, buffers, scratch.textured[:left], depth, rgb)
     if light.lamps.shape[0] > 0:
-        fill_rest(backdrop, drawing.inverse_depth, triangle, drawing.drawn)
-        light_floor(top, view, light, triangle[top : top + rows], rgb[: rows * width].reshape(rows, width, 3))
+        fill_rest(buffers)
+        shown = buffers.triangle[top : top + rows]
+        light_floor(top, view, light, shown, rgb[: rows * width].reshape(rows, width, 3))
 
 
 @kernel
-def forget_faces(count: int, drawing: Drawing) -> None:
-    """Make the first `count` seen faces `UNSEEN` again."""
-    state, seen = drawing.face_state, drawing.seen
-    for i in range(count):
-        state[seen[i]] = UNSEEN
-
-
-@kernel
-def resolve_geometry(
-    k: int, scene: SceneTables, view: View, backdrop: Backdrop, drawing: Drawing, out: Channels
-) -> None:
-    """Write depth, positions and ids of view k, those that were asked for."""
-    inverse_depth, triangle, drawn = drawing.inverse_depth, drawing.triangle, drawing.drawn
-    if out.depth.size > 0:
-        resolve_depth(0, backdrop, drawn, inverse_depth, triangle, out.depth[k])
-    if out.position_w.size > 0:
-        if out.depth.size > 0:
-            resolve_position(out.depth[k], view, out.position_w[k])
-        else:
-            depth = np.empty(triangle.shape, dtype=np.float32)
-            resolve_depth(0, backdrop, drawn, inverse_depth, triangle, depth)
-            resolve_position(depth, view, out.position_w[k])
-    if out.geom.size > 0:
-        table = np.arange(scene.geom_body.shape[0]).astype(np.int32)
-        resolve_ids(backdrop, drawn, triangle, scene.face_geom, table, out.geom[k])
-    if out.body.size > 0:
-        resolve_ids(backdrop, drawn, triangle, scene.face_geom, scene.geom_body_id, out.body[k])
-    if out.part.size > 0:
-        resolve_ids(backdrop, drawn, triangle, scene.face_geom, scene.geom_part, out.part[k])
-
-
-@kernel
-def pose_matrices(body_positions: Array, body_quaternions: Array, positions: Array, rotations: Array) -> int:
-    """Positions (B, N, 3) and quaternions (B, N, 4) to `Poses`; body 0 of the result is the world.
+def pose_matrices(body_positions: Array, body_quaternions: Array, poses: Poses) -> int:
+    """Write positions (B, N, 3) and quaternions (B, N, 4) as `Poses`, (B, N + 1, ...); body 0 is the world.
 
     Returns:
         The first pose that is not finite, as env * N + body, or -1.
     """
+    positions, rotations = poses.positions, poses.rotations
     count = body_positions.shape[1]
     bad = -1
     for env in range(body_positions.shape[0]):

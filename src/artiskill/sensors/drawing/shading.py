@@ -8,7 +8,6 @@ import numpy as np
 from artiskill.geometry.kernel import Array, Point, kernel
 from artiskill.sensors.camera import View
 from artiskill.sensors.drawing.backdrop import FLOOR
-from artiskill.sensors.drawing.scene_tables import TriangleSoup
 from artiskill.sensors.render_config import RenderConfig
 
 # the display curve is tabulated up to this much light; its steps are fine enough for 8 bits in the darkest tones
@@ -16,27 +15,22 @@ _ENCODE_STEPS = 8192
 _SPECULAR_STRENGTH = 0.35
 
 
-class Surfaces(NamedTuple):
-    """Arrays of a `TriangleSoup` and its present pose: `world` (V, 3), `rotations` (N + 1, 3, 3)."""
-
-    world: Array
-    rotations: Array
-    faces: Array
-    face_geom: Array
-    face_body: Array
-    corner_normals: Array
-    corner_uvs: Array
-    materials: Array
-    textures: Array
-    texels: Array
-
-
 class Lights(NamedTuple):
-    """Lights and colours, each (3,) float64.
+    """Lights and colours, each (3,) float64 unless it says otherwise.
 
-    `to_sun` is a unit vector, `horizon` and `zenith` are linear values of the finished picture, the rest is linear
-    light times the exposure. `lamps` (L, 7): position, light at a distance of 1 m, 1 / range^2. `encode` (8193,)
-    takes linear [0, 1] to the display's [0, 255], `decode` (256,) back.
+    Attributes:
+        to_sun: unit vector.
+        sun: linear light times the exposure, as the next two.
+        sky: on a surface that faces up.
+        bounce: on a surface that faces down.
+        lamps: (L, 7) position, light at a distance of 1 m, 1 / range^2.
+        has_floor: whether the ground is drawn.
+        floor: linear colour.
+        horizon: linear value of the finished picture, as the next one.
+        zenith: straight up.
+        encode: (8193,) takes linear [0, 1] to the display's [0, 255].
+        decode: (256,) takes it back.
+        plain: (2, 3) uint8 display colours of background and floor where they are not shaded per pixel.
     """
 
     to_sun: Array
@@ -44,52 +38,36 @@ class Lights(NamedTuple):
     sky: Array
     bounce: Array
     lamps: Array
+    has_floor: bool
     floor: Array
     horizon: Array
     zenith: Array
     encode: Array
     decode: Array
-
-
-def surfaces(soup: TriangleSoup, world: Array, rotations: Array) -> Surfaces:
-    """The soup in its present pose."""
-    return Surfaces(
-        world,
-        rotations,
-        soup.faces,
-        soup.face_geom,
-        soup.face_body,
-        soup.corner_normals,
-        soup.corner_uvs,
-        soup.materials,
-        soup.textures,
-        soup.texels,
-    )
+    plain: Array
 
 
 def lights(config: RenderConfig) -> Lights:
-    """The config's colours, ready for the kernels."""
+    """Return the config's colours, ready for the kernels."""
     exposure = config.exposure
     steps = [_srgb_encoded(i / _ENCODE_STEPS) * 255.0 for i in range(_ENCODE_STEPS + 1)]
-    return Lights(
+    light = Lights(
         to_sun=np.array(config.sun.direction_w),
         sun=np.array(config.sun.colour) * (config.sun.strength * exposure),
         sky=np.array(config.ambient.sky) * exposure,
         bounce=np.array(config.ambient.ground) * exposure,
         lamps=_lamp_rows(config),
+        has_floor=config.floor.enabled,
         floor=np.array(config.floor.colour),
         horizon=np.array([_srgb_decoded(c) for c in config.background.horizon]),
         zenith=np.array([_srgb_decoded(c) for c in config.background.zenith]),
         encode=np.array(steps),
         decode=np.array([_srgb_decoded(i / 255.0) for i in range(256)]),
+        plain=np.zeros((2, 3), dtype=np.uint8),
     )
-
-
-def plain_colours(light: Lights) -> np.ndarray:
-    """(2, 3) uint8 display colours of background and floor where they are not shaded per pixel."""
     table = np.empty((2, 3))
     _encode_plain(light, table)
-    return table.round().astype(np.uint8)
+    return light._replace(plain=table.round().astype(np.uint8))
 
 
 def _lamp_rows(config: RenderConfig) -> np.ndarray:
@@ -103,7 +81,7 @@ def _lamp_rows(config: RenderConfig) -> np.ndarray:
 
 @kernel
 def irradiance(normal: Point, sunlit: float, skylit: float, light: Lights) -> Point:
-    """Light on a surface: hemisphere ambient and the sun by Lambert's cosine, as far as they reach the place."""
+    """Return the light on a surface: hemisphere ambient and the sun by Lambert's cosine."""
     up = 0.5 + 0.5 * normal[2]
     sun = sunlit * max(0.0, dot3(normal, (light.to_sun[0], light.to_sun[1], light.to_sun[2])))
     return (
@@ -115,7 +93,7 @@ def irradiance(normal: Point, sunlit: float, skylit: float, light: Lights) -> Po
 
 @kernel
 def specular(normal: Point, to_eye: Point, shininess: float, light: Lights) -> float:
-    """Blinn's (1977) highlight of the sun; its exponent is a power of two from 8 to 256, no `pow` needed."""
+    """Return Blinn's (1977) highlight of the sun; its exponent is a power of two, 8 to 256: no `pow` needed."""
     hx, hy, hz = light.to_sun[0] + to_eye[0], light.to_sun[1] + to_eye[1], light.to_sun[2] + to_eye[2]
     half = unit3((hx, hy, hz))
     value = max(0.0, dot3(normal, half))
@@ -126,14 +104,14 @@ def specular(normal: Point, to_eye: Point, shininess: float, light: Lights) -> f
 
 @kernel
 def tone_mapped(x: float) -> float:
-    """Light of any strength to [0, 1]: Narkowicz's (2015) fit of the ACES film curve."""
+    """Map light of any strength to [0, 1]: Narkowicz's (2015) fit of the ACES film curve."""
     x = max(x, 0.0) * 0.8
     return min(1.0, (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14))
 
 
 @kernel
 def encoded(x: float, encode: Array) -> float:
-    """Linear [0, 1] to the display's [0, 255] by table, interpolated."""
+    """Map linear [0, 1] to the display's [0, 255] by table, interpolated."""
     steps = encode.shape[0] - 1
     place = x * steps
     if not place > 0.0:
@@ -144,7 +122,7 @@ def encoded(x: float, encode: Array) -> float:
 
 @kernel
 def _encode_plain(light: Lights, table: Array) -> None:
-    """Background and floor in the sun, on the display's scale of 0 .. 255, into (2, 3)."""
+    """Write background and floor in the sun, on the display's scale of 0 .. 255, into (2, 3)."""
     received = irradiance((0.0, 0.0, 1.0), 1.0, 1.0, light)
     for k in range(3):
         table[0, k] = encoded(light.horizon[k], light.encode)
@@ -153,19 +131,19 @@ def _encode_plain(light: Lights, table: Array) -> None:
 
 @kernel
 def dot3(a: Point, b: Point) -> float:
-    """Inner product."""
+    """Return the inner product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel
 def cross3(a: Point, b: Point) -> Point:
-    """Cross product."""
+    """Return the cross product."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @kernel
 def unit3(a: Point) -> Point:
-    """Unit vector; zero and NaN give +z, so that light stays finite."""
+    """Return the unit vector; zero and NaN give +z, so that light stays finite."""
     squared = dot3(a, a)
     if not squared > 1e-30:
         return 0.0, 0.0, 1.0
@@ -182,8 +160,8 @@ def _srgb_decoded(x: float) -> float:
 
 
 @kernel
-def turned_normal(rotations: Array, pose: int, n: Point, side: float) -> Point:
-    """A body-frame normal rotated to the world, unit length, turned to the side that is seen."""
+def rotated_normal(rotations: Array, pose: int, n: Point, side: float) -> Point:
+    """Rotate a body-frame normal to the world, unit length, turned to the side that is seen."""
     r = rotations
     return unit3(
         (
@@ -201,7 +179,7 @@ _NEAREST_SQUARE_M2 = 0.05**2
 
 @kernel
 def point_irradiance(place: Point, normal: Point, light: Lights) -> Point:
-    """Light of all lamps on a surface: inverse square of the distance, Lambert's cosine.
+    """Return the light of all lamps on a surface: inverse square of the distance, Lambert's cosine.
 
     A smooth window takes it to zero at the lamp's range (Karis 2013).
     """
@@ -253,7 +231,7 @@ def light_floor(top: int, view: View, light: Lights, triangle: Array, rgb: Array
 
 @kernel
 def texel_row(first: int, height: int, width: int, u: float, v: float) -> int:
-    """Row of the texel table nearest to (u, v) of a texture with its first texel there.
+    """Return the row of the texel table nearest to (u, v) of a texture with its first texel there.
 
     Images repeat, v points up.
     """
@@ -262,7 +240,7 @@ def texel_row(first: int, height: int, width: int, u: float, v: float) -> int:
 
 @kernel
 def wrapped(place: float, size: int) -> int:
-    """A coordinate in texels to an index in [0, size), periodically; what is not finite gives 0."""
+    """Turn a coordinate in texels into an index in [0, size), periodically; what is not finite gives 0."""
     turns = place / size
     fraction = turns - math.floor(turns)
     if not 0.0 <= fraction < 1.0:
@@ -272,7 +250,7 @@ def wrapped(place: float, size: int) -> int:
 
 @kernel
 def mip_level(images: Array, uv: Array, area: float, cube: float) -> int:
-    """The version of a texture whose texels are nearest in size to the pixels of a face.
+    """Return the version of a texture whose texels are nearest in size to the pixels of a face.
 
     Args:
         images: (M, 3) of the texture, the largest first.
@@ -290,17 +268,18 @@ def mip_level(images: Array, uv: Array, area: float, cube: float) -> int:
 
 @kernel
 def texel_area(images: Array, uv: Array) -> float:
-    """Texels of the largest version that a face covers."""
+    """Return how many texels of the largest version that a face covers."""
     du1, dv1, du2, dv2 = uv[1, 0] - uv[0, 0], uv[1, 1] - uv[0, 1], uv[2, 0] - uv[0, 0], uv[2, 1] - uv[0, 1]
     return 0.5 * abs(np.float64(du1) * dv2 - np.float64(du2) * dv1) * images[0, 1] * images[0, 2]
 
 
 @kernel
 def trilinear(images: Array, texels: Array, u: float, v: float, texels_per_px: float, decode: Array) -> Point:
-    """Linear colour at (u, v), mixed from the two versions of a texture that fit the pixels; white for none.
+    """Return the linear colour at (u, v), mixed from the two versions of a texture that fit the pixels.
 
-    `texels_per_px` counts those of the largest version in a pixel's area. Between versions, whose counts are four
-    to one, the mixture follows the count, not its logarithm, which differs between machines.
+    White where there is no texture. `texels_per_px` counts those of the largest version in a pixel's area. Between
+    versions, whose counts are four to one, the mixture follows the count, not its logarithm, which differs between
+    machines.
     """
     level = 0
     while texels_per_px >= 4.0 and level < images.shape[0] - 1:
@@ -320,7 +299,7 @@ def trilinear(images: Array, texels: Array, u: float, v: float, texels_per_px: f
 
 @kernel
 def bilinear(texture: Array, texels: Array, u: float, v: float, decode: Array) -> Point:
-    """Linear colour at (u, v) of a texture, mixed from four texels; white for one of height 0."""
+    """Return the linear colour at (u, v) of a texture, mixed from four texels; white for one of height 0."""
     first, height, width = texture[0], texture[1], texture[2]
     if height == 0:
         return 1.0, 1.0, 1.0

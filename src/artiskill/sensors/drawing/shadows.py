@@ -5,45 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from artiskill.assets.articulated_object import ROOM_WALL
 from artiskill.geometry.kernel import Array, Point, kernel
-from artiskill.sensors.drawing.buffers import ShadowBuffers
+from artiskill.sensors.drawing.buffers import Samples, ShadowBuffers
 from artiskill.sensors.drawing.rasterise import point, scan_convert
-from artiskill.sensors.drawing.scene_tables import TriangleSoup
+from artiskill.sensors.drawing.scene_tables import Poses, SceneTables
 from artiskill.sensors.drawing.shading import dot3
-
-
-@kernel
-def transform_vertices(
-    vertices: Array, vertex_pose: Array, rotations: Array, positions: Array, world: Array
-) -> None:
-    """Body-frame vertices to the world."""
-    for i in range(vertices.shape[0]):
-        p = vertex_pose[i]
-        x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
-        for k in range(3):
-            world[i, k] = (
-                rotations[p, k, 0] * x + rotations[p, k, 1] * y + rotations[p, k, 2] * z + positions[p, k]
-            )
-
-
-@kernel
-def project_affine(world: Array, matrix: Array, projected: Array) -> None:
-    """World vertices through a (3, 4) matrix to screen x, y and a positive height."""
-    for i in range(world.shape[0]):
-        for k in range(3):
-            projected[i, k] = (
-                matrix[k, 0] * world[i, 0] + matrix[k, 1] * world[i, 1] + matrix[k, 2] * world[i, 2] + matrix[k, 3]
-            )
-
-
-@kernel
-def draw_heights(projected: Array, faces: Array, heights: Array, triangle: Array) -> None:
-    """Draw all triangles, whichever side they show, keeping the greatest height (S, S) and its triangle."""
-    for t in range(faces.shape[0]):
-        a, b, c = point(projected, faces[t, 0]), point(projected, faces[t, 1]), point(projected, faces[t, 2])
-        scan_convert(a, b, c, t, True, heights, triangle)
-
 
 # the map's side grows in such steps, so that a moving scene does not change the size of its texels all the time
 _SIDE_STEP_M = 0.5
@@ -72,25 +38,26 @@ class ShadowMap(NamedTuple):
 class ShadowPass:
     """Draws shadow maps of a scene into the caller's buffers; never changes itself."""
 
-    def __init__(self, soup: TriangleSoup, to_light: np.ndarray, resolution: int, softness_m: float) -> None:
+    def __init__(
+        self, scene: SceneTables, casts: np.ndarray, to_light: np.ndarray, resolution: int, softness_m: float
+    ) -> None:
         """Prepare for a scene.
 
         Args:
-            soup: the scene. All of it casts shadows but the room's walls: they stand behind everything, and a map
-                that held them would be too coarse for all else.
+            scene: the scene.
+            casts: (G,) bool, which visuals cast shadows.
             to_light: (3,) unit vector.
             resolution: texels along each side of the map.
             softness_m: width of the shadows' edges.
         """
-        casts = np.array([name != ROOM_WALL for name in soup.part_names], dtype=np.bool_)[soup.geom_part]
-        self._faces = np.ascontiguousarray(soup.faces[casts[soup.face_geom]])
-        self._casting = np.repeat(casts, np.diff(soup.geom_vertices))
+        self._faces = np.ascontiguousarray(scene.faces[casts[scene.face_geom]])
+        self._casting = np.repeat(casts, np.diff(scene.geom_vertices))
         self.resolution = resolution
         self._softness_m = softness_m
         self._axes = _frame_towards(to_light)
 
     def draw(self, world: np.ndarray, buffers: ShadowBuffers) -> ShadowMap:
-        """The shadow map of the scene whose vertices (V, 3) stand at `world`; it has the buffers' `heights`."""
+        """Draw the shadow map of the scene with vertices (V, 3) at `world`; it has the buffers' `heights`."""
         heights = buffers.heights
         heights.fill(-np.inf)  # what is nowhere shades nothing, however low it lies
         if len(self._faces) == 0:
@@ -102,7 +69,10 @@ class ShadowPass:
         return ShadowMap(matrix, heights, texel_m, filter_texels, _BIAS_TEXELS * texel_m + _BIAS_M)
 
     def _fit(self, world: np.ndarray) -> tuple[np.ndarray, float]:
-        """The matrix whose map holds vertices (V, 3), moved in whole texels only so that edges do not crawl."""
+        """Return the matrix whose map holds vertices (V, 3), and the side of a texel.
+
+        It moves in whole texels only, so that edges do not crawl.
+        """
         along = [(world * axis).sum(axis=1) for axis in self._axes]
         low, high = [float(a.min()) for a in along], [float(a.max()) for a in along]
         margin = 2.0 * self._softness_m
@@ -120,35 +90,54 @@ class ShadowPass:
         return matrix, texel
 
 
-@kernel
-def add_visibility(
-    count: int,
-    matrix: Array,
-    heights: Array,
-    texel_m: float,
-    filter_texels: int,
-    bias_m: float,
-    place_w: Array,
-    normal_w: Array,
-    haze: Array,
-    visible: Array,
-    weight: Array,
-) -> None:
-    """Add to `visible` how much light reaches each sample, times its cosine there, and to `weight` the cosine.
+def _frame_towards(to_light: np.ndarray) -> np.ndarray:
+    """Return rows: texel columns' direction, texel rows' direction, and the light's."""
+    helper = np.array((0.0, 1.0, 0.0)) if abs(to_light[2]) > 0.99 else np.array((0.0, 0.0, 1.0))
+    right = np.cross(helper, to_light)
+    right /= math.sqrt(float((right * right).sum()))
+    return np.stack((right, np.cross(right, to_light), to_light))
 
-    Args:
-        count: samples in use.
-        matrix: (3, 4), as the next four a field of `ShadowMap`.
-        heights: (S, S).
-        texel_m: metres.
-        filter_texels: texels.
-        bias_m: metres.
-        place_w: (S, 3), see `Samples`, as the next two.
-        normal_w: (S, 3).
-        haze: (S,) samples at 1 are left out.
-        visible: (S,) float32.
-        weight: (S,) float32.
+
+@kernel
+def transform_vertices(scene: SceneTables, pose: Poses, world: Array) -> None:
+    """Map all vertices from their bodies' frames to the world, (V, 3)."""
+    vertices, rotations, positions = scene.vertices, pose.rotations, pose.positions
+    for g in range(scene.geom_body.shape[0]):
+        p = scene.geom_body[g] + 1
+        for i in range(scene.geom_vertices[g], scene.geom_vertices[g + 1]):
+            x, y, z = vertices[i, 0], vertices[i, 1], vertices[i, 2]
+            for k in range(3):
+                world[i, k] = (
+                    rotations[p, k, 0] * x + rotations[p, k, 1] * y + rotations[p, k, 2] * z + positions[p, k]
+                )
+
+
+@kernel
+def project_affine(world: Array, matrix: Array, projected: Array) -> None:
+    """Map world vertices through a (3, 4) matrix to screen x, y and a positive height."""
+    for i in range(world.shape[0]):
+        for k in range(3):
+            projected[i, k] = (
+                matrix[k, 0] * world[i, 0] + matrix[k, 1] * world[i, 1] + matrix[k, 2] * world[i, 2] + matrix[k, 3]
+            )
+
+
+@kernel
+def draw_heights(projected: Array, faces: Array, heights: Array, triangle: Array) -> None:
+    """Draw all triangles, whichever side they show, keeping the greatest height (S, S) and its triangle."""
+    for t in range(faces.shape[0]):
+        a, b, c = point(projected, faces[t, 0]), point(projected, faces[t, 1]), point(projected, faces[t, 2])
+        scan_convert(a, b, c, t, True, heights, triangle)
+
+
+@kernel
+def add_visibility(count: int, shadow: ShadowMap, samples: Samples, visible: Array, weight: Array) -> None:
+    """Add to `visible` (S,) how much light reaches each sample, times its cosine, and to `weight` the cosine.
+
+    The first `count` samples are asked, but for those whose haze is 1.
     """
+    matrix, heights, texel_m = shadow.matrix, shadow.heights, shadow.texel_m
+    place_w, normal_w, haze = samples.place_w, samples.normal_w, samples.haze
     for i in range(count):
         if haze[i] >= 1.0:
             continue
@@ -161,18 +150,19 @@ def add_visibility(
         slope = -texel_m * texel_m / max(cosine, _MIN_COSINE)
         du = slope * dot3(normal, (matrix[0, 0], matrix[0, 1], matrix[0, 2]))
         dv = slope * dot3(normal, (matrix[1, 0], matrix[1, 1], matrix[1, 2]))
-        lit = light_visibility(place, (bias_m, du, dv), matrix, heights, filter_texels)
+        lit = light_visibility(place, (shadow.bias_m, du, dv), matrix, heights, shadow.filter_texels)
         visible[i] += np.float32(cosine * lit)
         weight[i] += np.float32(cosine)
 
 
 @kernel
 def light_visibility(place: Point, tangent: Point, matrix: Array, heights: Array, filter_texels: int) -> float:
-    """How much of a light reaches a place, in [0, 1].
+    """Return how much of a light reaches a place, in [0, 1].
 
-    Averages over a square of texels, those at its rim by how much of them it covers, whether each is higher than
-    the place's tangent plane (receiver-plane bias, Isidoro 2006). Where corners, edges and middle of the square
-    agree, the rest is not asked. `tangent` is the bias and the plane's growth per texel to the right and down.
+    The average over a square of texels, those at its rim by how much of them it covers, of whether each is higher
+    than the place's tangent plane (receiver-plane bias, Isidoro 2006). Where corners, edges and middle of the
+    square agree, the rest is not asked. `tangent` is the bias and the plane's growth per texel to the right and
+    down.
     """
     half = 0.5 * filter_texels
     u = dot3(place, (matrix[0, 0], matrix[0, 1], matrix[0, 2])) + matrix[0, 3] - half
@@ -193,7 +183,7 @@ def light_visibility(place: Point, tangent: Point, matrix: Array, heights: Array
 
 @kernel
 def probe(heights: Array, row: int, column: int, span: int, plane: Point) -> float:
-    """1 if nine texels of the square are all lit, 0 if all are in shadow, else -1."""
+    """Return 1 if nine texels of the square are all lit, 0 if all are in shadow, else -1."""
     lit = 0
     for i in range(3):
         for j in range(3):
@@ -206,7 +196,7 @@ def probe(heights: Array, row: int, column: int, span: int, plane: Point) -> flo
 
 @kernel
 def filtered(heights: Array, row: int, column: int, start: tuple[float, float], span: int, plane: Point) -> float:
-    """The lit share of a square that begins at `start` (x, y) within the texel (row, column)."""
+    """Return the lit share of a square that begins at `start` (x, y) within the texel (row, column)."""
     lit = 0.0
     for r in range(span + 1):
         level = plane[0] + r * plane[2]
@@ -221,11 +211,3 @@ def filtered(heights: Array, row: int, column: int, start: tuple[float, float], 
             share *= start[1]
         lit += share
     return lit / (span * span)
-
-
-def _frame_towards(to_light: np.ndarray) -> np.ndarray:
-    """Rows: texel columns' direction, texel rows' direction, and the light's."""
-    helper = np.array((0.0, 1.0, 0.0)) if abs(to_light[2]) > 0.99 else np.array((0.0, 0.0, 1.0))
-    right = np.cross(helper, to_light)
-    right /= math.sqrt(float((right * right).sum()))
-    return np.stack((right, np.cross(right, to_light), to_light))

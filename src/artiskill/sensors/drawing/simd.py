@@ -7,6 +7,9 @@ order of operations: the same bits everywhere.
 
 An index counts pixels from the start of an image, row by row. None is checked: the caller sees to it that all
 lanes lie within the arrays, which have to be contiguous.
+
+The small kernels at the end work on parts of rows, and the compiler does make vector instructions of them. That
+takes loops from 0 over an array of their own: an index that might be negative is one that Numba checks.
 """
 
 from typing import Any
@@ -26,15 +29,7 @@ _F32, _F64 = ir.FloatType(), ir.DoubleType()
 
 @intrinsic
 def draw_simd(
-    context: Any,
-    inverse_depth: Any,
-    triangle: Any,
-    index: Any,
-    column: Any,
-    count: Any,
-    w_row: Any,
-    dw_dx: Any,
-    t: Any,
+    context: Any, inverse_depth: Any, triangle: Any, index: Any, column: Any, count: Any, line: Any, t: Any
 ) -> Any:
     """Draw triangle t into the first `count` of the pixels from `index` on, with depth test.
 
@@ -44,17 +39,17 @@ def draw_simd(
         index: of the first pixel in both.
         column: of the first pixel.
         count: of pixels; lanes beyond are left alone, also where it is negative or above `LANES`.
-        w_row: w where `column` is 0.
-        dw_dx: its growth per column.
+        line: two float64, w where `column` is 0 and its growth per column.
         t: the triangle's number.
     """
-    scalars = types.intp, types.intp, types.intp, types.float64, types.float64, types.int32
+    scalars = types.intp, types.intp, types.intp, types.UniTuple(types.float64, 2), types.int32
 
     def generate(target: Any, b: ir.IRBuilder, signature: Any, args: Any) -> Any:
-        first, number, w_start, growth, value = args[3:]
+        first, number, plane, value = args[3:]
+        w_row, growth = (_splat(b, b.extract_value(plane, k)) for k in range(2))
         near, who = _lanes_at(target, b, signature, args, 0, 2), _lanes_at(target, b, signature, args, 1, 2)
         columns = b.fadd(_splat(b, b.sitofp(first, _F64)), _numbers(_F64))
-        w = b.fptrunc(b.fadd(_splat(b, w_start), b.fmul(columns, _splat(b, growth))), _vector(_F32))
+        w = b.fptrunc(b.fadd(w_row, b.fmul(columns, growth)), _vector(_F32))
         old, old_who = b.load(near, align=4), b.load(who, align=4)
         inside = b.icmp_signed("<", _numbers(_I32), _splat(b, b.trunc(number, _I32)))
         wins = b.and_(b.fcmp_ordered(">", w, old), inside)
@@ -67,7 +62,7 @@ def draw_simd(
 
 @intrinsic
 def count_equal_simd(context: Any, values: Any, index: Any) -> Any:
-    """How many entries from `index` on, at most `LANES`, equal the first; `values` is int32."""
+    """Count the entries from `index` on, at most `LANES`, that equal the first; `values` is int32."""
 
     def generate(target: Any, b: ir.IRBuilder, signature: Any, args: Any) -> Any:
         lanes = b.load(_lanes_at(target, b, signature, args, 0, 1), align=4)
@@ -136,20 +131,7 @@ def interleave_pixels(context: Any, out: Any, index: Any, source: Any, first: An
 
 
 @intrinsic
-def shade_simd(
-    context: Any,
-    rgb: Any,
-    depth: Any,
-    index: Any,
-    column: Any,
-    centre_x: Any,
-    per_px: Any,
-    y: Any,
-    curved: Any,
-    red: Any,
-    green: Any,
-    blue: Any,
-) -> Any:
+def shade_simd(context: Any, rgb: Any, depth: Any, index: Any, column: Any, ray: Any, factors: Any) -> Any:
     """Write colours that over depth are linear over the screen to `LANES` pixels from `index` on.
 
     Args, as the caller gives them:
@@ -157,35 +139,30 @@ def shade_simd(
         depth: float32.
         index: of the first pixel.
         column: of the first pixel.
-        centre_x: column of the optical axis, as all that follow float32.
-        per_px: 1 / focal length.
-        y: of the row's ray.
-        curved: 1, or 0 where the factors give the colour itself, not that over depth.
-        red: three factors, of the ray's x, its y and 1; likewise the next two.
-        green: likewise.
-        blue: likewise.
+        ray: four float32: column of the optical axis, 1 / focal length, y of the row's ray, and 1, or 0 where the
+            factors give the colour itself, not that over depth.
+        factors: of red, green and blue, each three float32: of the ray's x, its y and 1.
     """
-    factors = types.UniTuple(types.float32, 3)
-    f32 = types.float32
 
     def generate(target: Any, b: ir.IRBuilder, signature: Any, args: Any) -> Any:
-        first, centre, scale, up, share = args[3:8]
+        centre, scale, up, curved = (b.extract_value(args[4], k) for k in range(4))
         z = b.load(_lanes_at(target, b, signature, args, 1, 2), align=4)
         # without a jump, which would often go the other way: z * 1 + 0 and z * 0 + 1
-        z = b.fadd(b.fmul(z, _splat(b, share)), _splat(b, b.fsub(_F32(1.0), share)))
-        columns = b.fadd(_splat(b, b.sitofp(first, _F32)), _numbers(_F32))
+        z = b.fadd(b.fmul(z, _splat(b, curved)), _splat(b, b.fsub(_F32(1.0), curved)))
+        columns = b.fadd(_splat(b, b.sitofp(args[3], _F32)), _numbers(_F32))
         x = b.fmul(b.fsub(columns, _splat(b, centre)), _splat(b, scale))
         colours = []
-        for factor in args[8:]:
-            along, across, constant = (b.extract_value(factor, k) for k in range(3))
+        for channel in range(3):
+            along, across, constant = (b.extract_value(args[5], (channel, k)) for k in range(3))
             value = b.fadd(b.fmul(_splat(b, along), x), _splat(b, b.fmul(across, up)))
             value = b.fmul(z, b.fadd(value, _splat(b, constant)))
             colours.append(_bytes_of(b, value))
-        _write_colours(target, b, signature, args, 2, colours)
+        b.store(_interleaved(b, *colours), _pixels_at(target, b, signature, args, 0, 2), align=1)
         return target.get_dummy_value()
 
-    scalars = types.intp, types.intp, f32, f32, f32, f32, factors, factors, factors
-    return types.void(rgb, depth, *scalars), generate
+    single = types.float32
+    tuples = types.UniTuple(single, 4), types.UniTuple(types.UniTuple(single, 3), 3)
+    return types.void(rgb, depth, types.intp, types.intp, *tuples), generate
 
 
 def _vector(kind: ir.Type) -> ir.VectorType:
@@ -193,39 +170,32 @@ def _vector(kind: ir.Type) -> ir.VectorType:
 
 
 def _numbers(kind: ir.Type) -> ir.Constant:
-    """0, 1, 2, ..."""
+    """Return 0, 1, 2, ..."""
     return ir.Constant(_vector(kind), [float(i) if kind in (_F32, _F64) else i for i in range(LANES)])
 
 
 def _splat(b: ir.IRBuilder, value: ir.Value) -> ir.Value:
-    """One value in all lanes."""
+    """Return one value in all lanes."""
     nothing = ir.Constant(_vector(value.type), ir.Undefined)
     return b.shuffle_vector(b.insert_element(nothing, value, _I32(0)), nothing, ir.Constant(_vector(_I32), None))
 
 
 def _lanes_at(target: Any, b: ir.IRBuilder, signature: Any, args: Any, array: int, index: int) -> ir.Value:
-    """Pointer to the lanes of argument `array` from the argument `index` on."""
+    """Return a pointer to the lanes of argument `array` from the argument `index` on."""
     data = target.make_array(signature.args[array])(target, b, args[array]).data
     return b.bitcast(b.gep(data, [args[index]]), _vector(data.type.pointee).as_pointer())
 
 
 def _bytes_of(b: ir.IRBuilder, value: ir.Value) -> ir.Value:
-    """Colours to the display's 0 .. 255."""
+    """Turn colours into bytes, 0 .. 255."""
     low, high = (ir.Constant(_vector(_F32), [limit] * LANES) for limit in (0.0, 255.0))
     value = b.select(b.fcmp_unordered("<", value, low), low, value)
     value = b.select(b.fcmp_ordered(">", value, high), high, value)
     return b.trunc(b.fptosi(value, _vector(_I32)), _vector(_I8))
 
 
-def _write_colours(
-    target: Any, b: ir.IRBuilder, signature: Any, args: Any, index: int, colours: list[ir.Value]
-) -> None:
-    """Interleave three vectors of bytes and store them at pixel `args[index]` of the first argument."""
-    b.store(_interleaved(b, *colours), _pixels_at(target, b, signature, args, 0, index), align=1)
-
-
 def _interleaved(b: ir.IRBuilder, x: ir.Value, y: ir.Value, z: ir.Value) -> ir.Value:
-    """Three vectors interleaved: the first lanes of each, the second ones, ..."""
+    """Interleave three vectors: the first lanes of each, the second ones, ..."""
     pairs = b.shuffle_vector(x, y, _places(list(range(2 * LANES))))
     nothing = ir.Constant(z.type, ir.Undefined)
     third = b.shuffle_vector(z, nothing, _places([min(i, LANES) for i in range(2 * LANES)]))
@@ -233,12 +203,12 @@ def _interleaved(b: ir.IRBuilder, x: ir.Value, y: ir.Value, z: ir.Value) -> ir.V
 
 
 def _places(lanes: list[int]) -> ir.Constant:
-    """Which lanes of two vectors a shuffle takes."""
+    """Return which lanes of two vectors a shuffle takes."""
     return ir.Constant(ir.VectorType(_I32, len(lanes)), lanes)
 
 
 def _pixels_at(target: Any, b: ir.IRBuilder, signature: Any, args: Any, array: int, index: int) -> ir.Value:
-    """Pointer to the bytes of `LANES` pixels of argument `array` from the argument `index` on."""
+    """Return a pointer to the bytes of `LANES` pixels of argument `array` from the argument `index` on."""
     start = _bytes_at(target, b, signature, args, array, index)
     return b.bitcast(start, ir.VectorType(_I8, 3 * LANES).as_pointer())
 
@@ -246,19 +216,19 @@ def _pixels_at(target: Any, b: ir.IRBuilder, signature: Any, args: Any, array: i
 def _bytes_at(
     target: Any, b: ir.IRBuilder, signature: Any, args: Any, array: int, index: int, per_item: int = 3
 ) -> ir.Value:
-    """Pointer to where the item `args[index]` of argument `array` begins."""
+    """Return a pointer to where the item `args[index]` of argument `array` begins."""
     data = target.make_array(signature.args[array])(target, b, args[array]).data
     return b.gep(data, [b.mul(args[index], args[index].type(per_item))])
 
 
 def _block(b: ir.IRBuilder, start: ir.Value, offset: int) -> ir.Value:
-    """Pointer to `LANES` bytes."""
+    """Return a pointer to `LANES` bytes."""
     return b.bitcast(b.gep(start, [_I32(offset)]), _vector(_I8).as_pointer())
 
 
 @kernel
 def clamp_index(value: float, low: int, high: int) -> int:
-    """A float to an integer in [low, high]: compared as a float, since out of range, or NaN, it has no integer.
+    """Turn a float into an integer in [low, high]: compared as a float, for out of range, or NaN, it has none.
 
     Choices between numbers instead of jumps, as in `downwards`.
     """
@@ -268,27 +238,27 @@ def clamp_index(value: float, low: int, high: int) -> int:
 
 @kernel
 def fill(target: Array, value: Any) -> None:
-    """The same everywhere."""
+    """Write one value everywhere."""
     for i in range(target.shape[0]):
         target[i] = value
 
 
 @kernel
 def copy(source: Array, target: Array) -> None:
-    """All of a source to the start of a target."""
+    """Copy all of a source to the start of a target."""
     for i in range(source.shape[0]):
         target[i] = source[i]
 
 
 @kernel
 def fill_linear(target: Array, first: int, start: float, growth: float) -> None:
-    """Start + column * growth from column `first` on."""
+    """Write start + column * growth from column `first` on."""
     for i in range(target.shape[0]):
         target[i] = np.float32(start + (first + i) * growth)
 
 
 @kernel
-def invert(source: Array, target: Array) -> None:
-    """1 / source."""
-    for i in range(source.shape[0]):
-        target[i] = np.float32(1.0) / source[i]
+def invert(values: Array) -> None:
+    """Replace values by 1 / value."""
+    for i in range(values.shape[0]):
+        values[i] = np.float32(1.0) / values[i]

@@ -1,14 +1,12 @@
 """`Panorama`: cameras spread evenly about the vertical, mounted on the robot's base."""
 
-import copy
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from artiskill.config import check
-from artiskill.sensors.camera import Camera, Views
-from artiskill.sensors.observations.point_cloud import Rays, rays_of
+from artiskill.sensors.camera import Camera, Views, views_of
 
 _MOST_CAMERAS = 16
 _OPENCV_SIGNS = np.array([1.0, -1.0, -1.0])
@@ -53,12 +51,12 @@ class CamerasConfig:
 
     @property
     def pixels(self) -> int:
-        """Pixels of all cameras together."""
+        """Return the pixels of all cameras together."""
         return self.number * self.height * self.width
 
     @property
     def reach_m(self) -> float:
-        """Greatest distance between a camera and a point it sees: `far_m` in the corner of an image."""
+        """Return the greatest distance between a camera and a point it sees: `far_m` in the corner of an image."""
         up = math.tan(math.radians(self.fov_deg) / 2)
         return self.far_m * math.sqrt(1.0 + up**2 * (1.0 + (self.width / self.height) ** 2))
 
@@ -70,50 +68,31 @@ class Panorama:
         """Compute what does not depend on the base's pose."""
         self.config = config
         size_and_lens = config.width, config.height, math.radians(config.fov_deg), config.near_m, config.far_m
-        self._camera = Camera(np.zeros(3), np.eye(3), *size_and_lens)
-        self._rays = rays_of([self._camera])
-        self._lenses = np.tile(self._camera.lens(), (config.number, 1))
-        self._intrinsics = np.tile(self._camera.intrinsics, (config.number, 1, 1))
-        self._robot_to_camera = _to_cameras(self.rays(0.0, 0.0, 0.0))
+        camera = Camera(np.zeros(3), np.eye(3), *size_and_lens)
+        self._views = views_of([camera] * config.number)
+        self._intrinsics = np.tile(camera.intrinsics, (config.number, 1, 1))
+        self._robot_to_camera = _to_cameras(self.views(0.0, 0.0, 0.0))
 
-    def rays(self, base_x_m: float, base_y_m: float, base_yaw_rad: float) -> Rays:
-        """The cameras' places and their pixels' rays in the world, the forward camera first, counter-clockwise."""
+    def views(self, base_x_m: float, base_y_m: float, base_yaw_rad: float) -> Views:
+        """Return the cameras in the world as arrays, the forward camera first, counter-clockwise."""
         c = self.config
         pitch = math.radians(c.pitch_down_deg)
         sine, cosine = math.sin(pitch), math.cos(pitch)
-        rotation = np.empty((c.number, 3, 3))
+        rotations = np.empty((c.number, 3, 3))
         for k in range(c.number):
             heading = base_yaw_rad + k * (2 * math.pi / c.number)
             x, y = math.cos(heading), math.sin(heading)
             # columns: right, up, backward
-            rotation[k] = ((y, sine * x, -cosine * x), (-x, sine * y, -cosine * y), (0.0, cosine, sine))
-        position = np.empty((c.number, 3))
-        position[:] = (base_x_m, base_y_m, c.mount_height_m)
-        return self._rays._replace(position=position, rotation=rotation)
+            rotations[k] = ((y, sine * x, -cosine * x), (-x, sine * y, -cosine * y), (0.0, cosine, sine))
+        positions = np.empty((c.number, 3))
+        positions[:] = (base_x_m, base_y_m, c.mount_height_m)
+        return self._views._replace(positions=positions, rotations=rotations)
 
-    def views(self, rays: Rays) -> Views:
-        """The cameras as arrays, from `rays`."""
-        return Views(rays.position, rays.rotation, self._lenses)
-
-    def cameras(self, rays: Rays) -> list[Camera]:
-        """The cameras themselves, from `rays`."""
-        return [
-            self._moved(position, rotation)
-            for position, rotation in zip(rays.position, rays.rotation, strict=True)
-        ]
-
-    def _moved(self, position_w: np.ndarray, rotation_w: np.ndarray) -> Camera:
-        """A camera elsewhere, without the checks of its class."""
-        camera = copy.copy(self._camera)
-        object.__setattr__(camera, "position_w", position_w)
-        object.__setattr__(camera, "rotation_w", rotation_w)
-        return camera
-
-    def parameters(self, rays: Rays) -> dict[str, np.ndarray]:
-        """What users need to re-project, for `info["cameras"]`; OpenCV convention: x right, y down, z forward.
+    def parameters(self, views: Views) -> dict[str, np.ndarray]:
+        """Return what users need to re-project, for `info["cameras"]`; OpenCV: x right, y down, z forward.
 
         Args:
-            rays: from `rays`.
+            views: from `views`.
 
         Returns:
             `intrinsics` (C, 3, 3) in pixels; `world_to_camera` and `robot_to_camera` (C, 4, 4), which take points
@@ -121,15 +100,15 @@ class Panorama:
         """
         return {
             "intrinsics": self._intrinsics.copy(),
-            "world_to_camera": _to_cameras(rays),
+            "world_to_camera": _to_cameras(views),
             "robot_to_camera": self._robot_to_camera.copy(),
         }
 
 
-def _to_cameras(rays: Rays) -> np.ndarray:
-    """`Camera.extrinsics` of all cameras at once, (C, 4, 4), the same bits."""
-    axes = rays.rotation * _OPENCV_SIGNS
-    x, y, z = (axes[:, k] * rays.position[:, k, None] for k in range(3))
+def _to_cameras(views: Views) -> np.ndarray:
+    """Return `Camera.extrinsics` of all cameras at once, (C, 4, 4), the same bits."""
+    axes = views.rotations * _OPENCV_SIGNS
+    x, y, z = (axes[:, k] * views.positions[:, k, None] for k in range(3))
     matrices = np.zeros((len(axes), 4, 4))
     matrices[:, :3, :3] = axes.transpose(0, 2, 1)
     matrices[:, :3, 3] = -(x + y + z)

@@ -4,14 +4,15 @@ import numpy as np
 import pytest
 
 from artiskill.sensors.camera import Camera, View
-from artiskill.sensors.drawing.backdrop import FLOOR, NOTHING, fill_box, fill_rest, find_backdrop
+from artiskill.sensors.drawing.backdrop import FLOOR, NOTHING, backdrop_of, fill_box, fill_rest, find_backdrop
+from artiskill.sensors.drawing.buffers import allocate_scratch, buffers_at
 
 HEIGHT, WIDTH = 50, 70
 
 
 def view_of(eye, target, up=(0.0, 0.0, 1.0), far_m=6.0):
     camera = Camera.look_at(eye, target, up, width=WIDTH, height=HEIGHT, far_m=far_m)
-    return View(camera.position_w, camera.rotation_w, camera.lens())
+    return View(camera.position_w, camera.rotation_w, camera.lens)
 
 
 VIEWS = {
@@ -27,8 +28,10 @@ VIEWS = {
 
 
 def buffers():
-    depth, triangle = np.full((HEIGHT, WIDTH), 7.0, np.float32), np.full((HEIGHT, WIDTH), 99, np.int32)
-    return depth, triangle, np.zeros((HEIGHT, 2), np.int64)
+    """A view's buffers with what must not be left, and nothing drawn yet."""
+    made = buffers_at(allocate_scratch(1, HEIGHT, WIDTH, 0, 0, 0).views, 0)
+    made.inverse_depth[:], made.triangle[:] = 7.0, 99
+    return made
 
 
 def expected(view):
@@ -48,20 +51,28 @@ def expected(view):
 @pytest.mark.parametrize("name", VIEWS)
 def test_the_floor_is_the_analytic_one_bit_for_bit(name):
     view = VIEWS[name]
-    inverse_depth, triangle, drawn = buffers()
-    backdrop = find_backdrop(view, True, WIDTH, np.empty((HEIGHT, 2), np.int64))
-    fill_rest(backdrop, inverse_depth, triangle, drawn)
+    made = buffers()
+    find_backdrop(view, True, made)
+    fill_rest(made)
     w, ids = expected(view)
-    np.testing.assert_array_equal(triangle, ids)
-    np.testing.assert_array_equal(inverse_depth, w)
-    assert (drawn == (0, WIDTH)).all()
+    np.testing.assert_array_equal(made.triangle, ids)
+    np.testing.assert_array_equal(made.inverse_depth, w)
+    assert (made.drawn == (0, WIDTH)).all()
+
+
+@pytest.mark.parametrize("name", VIEWS)
+def test_what_was_found_is_remembered(name):
+    made = buffers()
+    for given, kept in zip(find_backdrop(VIEWS[name], True, made), backdrop_of(made), strict=True):
+        np.testing.assert_array_equal(given, kept)
 
 
 @pytest.mark.parametrize("name", ["level", "rolled"])
 def test_boxes_are_filled_once_and_hold_all_between(name, rng):
     view = VIEWS[name]
-    inverse_depth, triangle, drawn = buffers()
-    backdrop = find_backdrop(view, True, WIDTH, np.empty((HEIGHT, 2), np.int64))
+    made = buffers()
+    inverse_depth, triangle, drawn = made.inverse_depth, made.triangle, made.drawn
+    backdrop = find_backdrop(view, True, made)
     w, ids = expected(view)
     columns = np.arange(WIDTH)
     for _ in range(12):
@@ -75,14 +86,15 @@ def test_boxes_are_filled_once_and_hold_all_between(name, rng):
         assert (triangle[~inside] == 99).all(), "what is not asked for is not touched"
     triangle[20, drawn[20, 0]] = 5  # something was drawn there
     kept = drawn[20, 0] < drawn[20, 1]
-    fill_rest(backdrop, inverse_depth, triangle, drawn)
+    fill_rest(made)
     assert not kept or (triangle == 5).sum() == 1
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])
 def test_boxes_without_end_are_survived(bad):
-    inverse_depth, triangle, drawn = buffers()
-    backdrop = find_backdrop(VIEWS["level"], True, WIDTH, np.empty((HEIGHT, 2), np.int64))
+    made = buffers()
+    inverse_depth, triangle, drawn = made.inverse_depth, made.triangle, made.drawn
+    backdrop = find_backdrop(VIEWS["level"], True, made)
     fill_box(backdrop, (-abs(bad), bad, bad, -bad), inverse_depth, triangle, drawn)
     fill_box(backdrop, (bad, bad, bad, bad), inverse_depth, triangle, drawn)
     assert ((drawn >= 0) & (drawn <= WIDTH)).all()

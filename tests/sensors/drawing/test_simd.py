@@ -17,7 +17,7 @@ WIDTH = 3 * LANES
 
 @njit
 def draw(inverse_depth, triangle, index, column, count, w_row, dw_dx, t):
-    draw_simd(inverse_depth, triangle, index, column, count, w_row, dw_dx, t)
+    draw_simd(inverse_depth, triangle, index, column, count, (w_row, dw_dx), t)
 
 
 @njit
@@ -32,7 +32,8 @@ def copy(rgb, index, source, source_index):
 
 @njit
 def shade(rgb, depth, index, column, y, curved, red, green, blue):
-    shade_simd(rgb, depth, index, column, np.float32(7.5), np.float32(0.01), y, curved, red, green, blue)
+    ray = np.float32(7.5), np.float32(0.01), y, curved
+    shade_simd(rgb, depth, index, column, ray, (red, green, blue))
 
 
 @pytest.mark.parametrize("count", [-3, 0, 1, 7, LANES, LANES + 5])
@@ -83,28 +84,28 @@ def test_shading_is_the_scalar_formula_bit_for_bit(rng, curved):
 
 
 @njit
-def weave(out, index, source, first, second, third):
+def interleave(out, index, source, first, second, third):
     interleave_floats(out, index, source, first, second, third)
 
 
 @njit
-def weave_bytes(out, index, source, first, second, third):
+def interleave_bytes(out, index, source, first, second, third):
     interleave_pixels(out, index, source, first, second, third)
 
 
-def test_weaving_interleaves_numbers(rng):
+def test_numbers_are_interleaved(rng):
     source = rng.uniform(0, 1, (3, WIDTH)).astype(np.float32)
     out = np.zeros(4 * WIDTH, dtype=np.float32)
-    weave(out, 5, source, 2, WIDTH + 7, 2 * WIDTH)
+    interleave(out, 5, source, 2, WIDTH + 7, 2 * WIDTH)
     expected = np.stack((source[0, 2 : 2 + LANES], source[1, 7 : 7 + LANES], source[2, :LANES]), axis=1)
     np.testing.assert_array_equal(out[5 : 5 + 3 * LANES], expected.reshape(-1))
     assert np.count_nonzero(out) == 3 * LANES
 
 
-def test_weaving_interleaves_pixels(rng):
+def test_pixels_are_interleaved(rng):
     source = rng.integers(1, 256, (3, WIDTH, 3)).astype(np.uint8)
     out = np.zeros((WIDTH, 3, 3), dtype=np.uint8)
-    weave_bytes(out, 4, source, 1, WIDTH + 3, 2 * WIDTH + 8)
+    interleave_bytes(out, 4, source, 1, WIDTH + 3, 2 * WIDTH + 8)
     expected = np.stack((source[0, 1 : 1 + LANES], source[1, 3 : 3 + LANES], source[2, 8 : 8 + LANES]), axis=1)
     np.testing.assert_array_equal(out[4 : 4 + LANES], expected)
     assert np.count_nonzero(out) == 9 * LANES
