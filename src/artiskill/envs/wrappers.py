@@ -92,7 +92,7 @@ class VectorPointCloudDownsample(gym.vector.VectorWrapper):
 
     Args:
         env: a vector of `ManipulationVectorEnv` with `obs_mode="pointcloud"`.
-        method, num_points, frame, **settings: as of `PointCloudDownsample`.
+        method: see `PointCloudDownsample`, as for all others.
 
     Raises:
         UnknownNameError: no such method or frame.
