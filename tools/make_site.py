@@ -8,14 +8,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+from make_pictures import STRIPS  # the site shows the same episodes as films
+
 ROOT = Path(__file__).resolve().parents[1]
-# task -> an object and a level whose film shows the task well
-FILMS = {
-    "OpenCabinetDrawer": ("cabinet-0005", 1),
-    "OpenCabinetDoor": ("cabinet-0056", 0),
-    "PushChair": ("chair-0029", 4),
-    "MoveBucket": ("bucket-0004", 5),
-}
 
 
 def main(arguments: list[str]) -> int:
@@ -27,7 +22,7 @@ def main(arguments: list[str]) -> int:
     run("sphinx", *pages, str(ROOT / "docs"), str(site))
     run("artiskill", "assets", "gallery", "all", "ood", "--out", str(site / "gallery"))
     (site / "films").mkdir(exist_ok=True)
-    for task, (object_id, level) in FILMS.items():
+    for task, (object_id, level) in STRIPS.items():
         episode = ["--task", task, "--object", object_id, "--level", str(level)]
         run("artiskill", "render", *episode, "--out", str(site / "films" / f"{task}.webp"))
     (site / "films" / "index.html").write_text(films_page(), encoding="utf-8")
@@ -45,7 +40,7 @@ def films_page() -> str:
     figure = '<figure><img src="{0}.webp" alt="{0}"><figcaption>{0}</figcaption></figure>'
     style = "body { font-family: sans-serif; margin: 2rem } figure { display: inline-block; margin: 1rem }"
     head = f'<!doctype html><meta charset="utf-8"><title>ArtiSkill: films</title><style>{style}</style>'
-    return f'{head}<p><a href="../index.html">Documentation</a></p>{"".join(map(figure.format, FILMS))}\n'
+    return f'{head}<p><a href="../index.html">Documentation</a></p>{"".join(map(figure.format, STRIPS))}\n'
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ from artiskill.checks.surfaces import check_cavity, check_surfaces
 from artiskill.config import to_mapping
 from artiskill.errors import ArtiSkillError, ConfigError
 from artiskill.files import atomic_write
-from artiskill.jobs.parallel import run_jobs
+from artiskill.jobs.parallel import check_workers, run_jobs
 from artiskill.jobs.worker import Send
 
 LOADS, COMPILES, DUPLICATES = "loads", "compiles", "duplicates"
@@ -118,8 +118,7 @@ def check_objects(
     Raises:
         ConfigError: fewer than one worker.
     """
-    if workers < 1:
-        raise ConfigError(f"workers must be at least 1, not {workers}")
+    check_workers(workers)
     config = config or default_checks_config()
     jobs = [(item, config) for item in items]
     found = run_jobs(_examine, jobs, workers, on_done, lambda job: object_id_of(job[0]))

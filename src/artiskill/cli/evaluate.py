@@ -95,7 +95,7 @@ def _run_evaluate(arguments: argparse.Namespace) -> None:
     if arguments.workers != 1 or arguments.policy.endswith(".py"):  # it imports while this process does
         fork_server().prepare(partial(import_module, "artiskill.evaluation.evaluate"))
     from artiskill.errors import ConfigError
-    from artiskill.evaluation.evaluate import check_workers
+    from artiskill.evaluation.evaluate import check_plan_workers
     from artiskill.evaluation.recording import check_video
     from artiskill.evaluation.report import check_report_folder, write_report
     from artiskill.files import lock_folder
@@ -111,7 +111,7 @@ def _run_evaluate(arguments: argparse.Namespace) -> None:
     with _note_earlier_report(arguments.out):
         plan = _plan(arguments)
         workers = workers_of(arguments)
-        check_workers(plan, workers, arguments.step_timeout)
+        check_plan_workers(plan, workers, arguments.step_timeout)
     with nullcontext() if arguments.out is None else lock_folder(arguments.out):
         with _note_earlier_report(arguments.out):
             report = _play_episodes(arguments, plan, workers)

@@ -25,10 +25,10 @@ from artiskill.demos.demos import (
 )
 from artiskill.demos.file_format import TargetCount, make_header, write_object_file
 from artiskill.demos.plan import CollectionPlan, LevelQueue, ObjectPlan
-from artiskill.demos.settings import Settings, check_workers, settings_hash
+from artiskill.demos.settings import Settings, settings_hash
 from artiskill.errors import DemoError
 from artiskill.files import lock_folder, remove_leftovers
-from artiskill.jobs.parallel import run_source
+from artiskill.jobs.parallel import check_workers, run_source
 from artiskill.jobs.ray_jobs import RayCluster, connected
 
 OnAttempt = Callable[[DemoAttempt], None]

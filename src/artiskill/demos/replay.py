@@ -24,11 +24,10 @@ from artiskill.demos.demos import (
 from artiskill.demos.file_format import TRAINING
 from artiskill.demos.replay_episode import leaf_spaces
 from artiskill.demos.replay_jobs import ReplayedTrajectory, ReplayJob, merge_parts, run_replay_job
-from artiskill.demos.settings import check_workers
 from artiskill.demos.training_file import ReplaySettings, TrainingManifest
 from artiskill.errors import DemoError, UnknownNameError
 from artiskill.files import lock_folder, output_path, remove_leftovers
-from artiskill.jobs.parallel import run_source
+from artiskill.jobs.parallel import check_workers, run_source
 
 # Trajectories of one job, which a worker keeps in memory: so many, or fewer if their observations may take more
 # than this, before they are compressed. Both are constants: where in a file things lie depends on them.

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from artiskill.config import CONFIG_DIR, check, check_value, differing, load_config, to_mapping
+from artiskill.config import CONFIG_DIR, check_value, differing, load_config, to_mapping
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
-from artiskill.errors import ArtiSkillError, ConfigError, DemoError, shown
+from artiskill.errors import ArtiSkillError, ConfigError, DemoError
 from artiskill.robots.config import LIKE, RobotConfig
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.props import Prop
@@ -177,9 +177,3 @@ def mapping_hash(values: Any) -> str:
 def plain(config: Any) -> Any:
     """Return a configuration as JSON gives it back."""
     return json.loads(json.dumps(to_mapping(config)))
-
-
-def check_workers(workers: object) -> None:
-    """Raise `ConfigError` unless this is a number of processes."""
-    is_legal = isinstance(workers, int) and not isinstance(workers, bool) and workers >= 1
-    check(is_legal, f"workers must be a whole number of at least 1, not {shown(workers)}")

@@ -14,10 +14,10 @@ from artiskill.demos.demos import FileEntry, check_file, check_listed, read_mani
 from artiskill.demos.file_format import object_facts
 from artiskill.demos.hdf5 import checked_path
 from artiskill.demos.recording import ARRAYS, UNREPEATED, Recording, record
-from artiskill.demos.settings import Settings, check_workers, plain
+from artiskill.demos.settings import Settings, plain
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ArtiSkillError, DemoError
-from artiskill.jobs.parallel import run_jobs
+from artiskill.jobs.parallel import check_workers, run_jobs
 
 _JOB_TRAJECTORIES = 25
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from artiskill.demos.demonstrator import FAULTS, fault_text
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
-from artiskill.errors import ConfigError, shown
+from artiskill.errors import ConfigError
 from artiskill.evaluation.plan import WORKER_HINT, EpisodeBatch, EvaluationPlan, plan_evaluation
 from artiskill.evaluation.policies import (
     LOAD_TIMEOUT_S,
@@ -22,7 +22,7 @@ from artiskill.evaluation.policies import (
 )
 from artiskill.evaluation.report import EpisodeResult, Report, make_report
 from artiskill.jobs.fork_server import fork_server
-from artiskill.jobs.parallel import run_jobs
+from artiskill.jobs.parallel import check_workers, run_jobs
 from artiskill.jobs.worker import Send
 
 OnStep = Callable[[ManipulationEnv, int, bool], None]
@@ -94,7 +94,7 @@ def run_evaluation(
             it must run in another.
         PolicyError: the policy raises, returns no legal action, takes too long, or ends its process.
     """
-    check_workers(plan, workers, step_timeout_s)
+    check_plan_workers(plan, workers, step_timeout_s)
     start = time.perf_counter()
     results = run_batches(_run_batch, plan, plan.batches, workers, on_episode, step_timeout_s)
     return make_report(plan, results, seconds=time.perf_counter() - start, workers=workers)
@@ -126,10 +126,9 @@ def run_batches(
     )
 
 
-def check_workers(plan: EvaluationPlan, workers: object, step_timeout_s: object = None) -> None:
+def check_plan_workers(plan: EvaluationPlan, workers: int, step_timeout_s: object = None) -> None:
     """Raise `ConfigError` unless so many processes can work on the plan, under that limit per step."""
-    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
-        raise ConfigError(f"workers must be a whole number of at least 1, not {shown(workers)}")
+    check_workers(workers)
     if step_timeout_s is not None:
         check_time_limit(step_timeout_s)
     if workers > 1 and not plan.is_portable:

@@ -17,7 +17,7 @@ from artiskill.envs.core import ObservationContext
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.rendering import Viewpoint
 from artiskill.errors import ConfigError, shown
-from artiskill.evaluation.evaluate import BatchJob, check_workers, run_batches, run_episode
+from artiskill.evaluation.evaluate import BatchJob, check_plan_workers, run_batches, run_episode
 from artiskill.evaluation.plan import EvaluationPlan
 from artiskill.evaluation.scene_pictures import PictureStyle, SceneRenderer
 from artiskill.evaluation.video import caption, caption_share, write_video
@@ -89,7 +89,7 @@ def record_video(
     """
     path = Path(path)
     check_video(path, count)
-    check_workers(plan, workers, step_timeout_s)
+    check_plan_workers(plan, workers, step_timeout_s)
     strips = run_batches(_record, plan, plan.batches[:count], workers, on_frame, step_timeout_s)
     frames = [frame for strip in strips for frame in strip]
     try:

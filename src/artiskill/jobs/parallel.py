@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from multiprocessing.connection import wait as wait_for_any
 from typing import Any, Protocol, TypeVar
 
-from artiskill.errors import PolicyError
+from artiskill.errors import ConfigError, PolicyError, shown
 from artiskill.jobs.fork_server import fork_server
 from artiskill.jobs.worker import DONE, FAILED, MESSAGE, Send, Worker, pack, stop_workers
 
@@ -37,6 +37,12 @@ class JobSource(Protocol):
 def available_cores() -> int:
     """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def check_workers(workers: object) -> None:
+    """Raise `ConfigError` unless this is a number of processes."""
+    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
+        raise ConfigError(f"workers must be a whole number of at least 1, not {shown(workers)}")
 
 
 def run_jobs(

@@ -21,8 +21,8 @@ from dataclasses import dataclass, field
 from multiprocessing import Pipe
 from typing import Any
 
-from artiskill.errors import ClusterError, ConfigError, MissingExtraError, UnknownNameError, shown
-from artiskill.jobs.parallel import JobSource, available_cores
+from artiskill.errors import ClusterError, ConfigError, MissingExtraError, UnknownNameError
+from artiskill.jobs.parallel import JobSource, available_cores, check_workers
 from artiskill.jobs.ray_driver import DIFFERENT, LOCAL, NodeOutcome, facts
 from artiskill.jobs.worker import FAILED, Send, pack
 
@@ -70,9 +70,8 @@ class RayCluster:
             )
         if self.address not in (LOCAL, RUNNING) and self.host_and_port is None:
             raise UnknownNameError("address of a Ray cluster", self.address, _LEGAL)
-        most = self.most_jobs
-        if most is not None and (isinstance(most, bool) or not isinstance(most, int) or most < 1):
-            raise ConfigError(f"workers must be a whole number of at least 1, not {shown(most)}")
+        if self.most_jobs is not None:
+            check_workers(self.most_jobs)
 
     @property
     def host_and_port(self) -> tuple[str, int] | None:
