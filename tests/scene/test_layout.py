@@ -15,7 +15,16 @@ from artiskill.assets.cabinets.spec import Wall
 from artiskill.assets.catalog import list_objects, load_object
 from artiskill.robots.config import load_robot
 from artiskill.scene import scene as scene_module
-from artiskill.scene.layout import PADDING_PREFIX, _depths, _fans, category_layouts, inertia_entries
+from artiskill.scene.layout import (
+    PADDING_PREFIX,
+    _bounding_volumes,
+    _depths,
+    _fans,
+    category_layouts,
+    inertia_entries,
+    plan_padding,
+)
+from artiskill.scene.object_model import object_spec
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.scene import Scene, build_scene
 
@@ -130,3 +139,19 @@ def test_inertia_entries_are_the_engines() -> None:
             while dof != -1:
                 entries, dof = entries + 1, int(scene.model.dof_parentid[dof])
         assert inertia_entries(scene.object, free) == entries
+
+
+@pytest.mark.parametrize("object_id", ["cabinet-0005", "cabinet-0006", "chair-0003", "bucket-0005"])
+def test_bounding_volumes_are_the_engines(object_id: str) -> None:
+    """Also without the engine, where no shape is a hull: the first cabinet is boxes only."""
+    obj = load_object(object_id)
+    spec, part = object_spec(obj, PHYSICS, ground=False)
+    model = spec.compile()
+    assert _bounding_volumes(obj, part, spec) == model.nbvhstatic
+
+
+def test_what_has_no_hulls_is_compiled_once() -> None:
+    obj = load_object("cabinet-0005")
+    assert all(shape.kind != "hull" for link in obj.links for shape in link.collisions)
+    _, part = object_spec(obj, PHYSICS)
+    assert plan_padding(obj, part, spec=None) is not None, "the specification is not read"

@@ -16,7 +16,6 @@ from artiskill.geometry.rotations import (
     quat_conjugate,
     quat_from_axis_angle,
     quat_from_matrix,
-    quat_from_rpy,
     quat_multiply,
     quat_rotate,
     quat_to_matrix,
@@ -206,8 +205,8 @@ def _add_gripper(spec: Any, arm: ArmConfig) -> None:
 
 def _add_shapes(body: Any, shapes: tuple[ShapeConfig, ...]) -> None:
     for i, shape in enumerate(shapes):
-        quaternion = quat_from_rpy(shape.rpy_rad)
-        geom = add_shape(body, f"{body.name}_{i}", shape.kind, shape.size, shape.position_m, quaternion)
+        name = f"{body.name}_{i}"
+        geom = add_shape(body, name, shape.kind, shape.size, shape.position_m, shape.quaternion)
         geom.contype, geom.conaffinity = int(Group.ROBOT), int(Group.OBJECT | Group.GROUND)
 
 

@@ -2,12 +2,15 @@
 
 import math
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from artiskill.config import CONFIG_DIR, check, check_positive, check_range, check_vector, load_config
 from artiskill.errors import UnknownNameError
+from artiskill.geometry.rotations import quat_from_rpy
 
 ROBOT_DIR = CONFIG_DIR / "robots"
 _SIZES = {"box": 3, "capsule": 2, "cylinder": 2, "sphere": 1}  # numbers in a shape's size
@@ -58,6 +61,11 @@ class ShapeConfig:
             len(self.size) == count and all(0 < x < math.inf for x in self.size),
             f"a {self.kind} has {count} sizes, all positive, not {list(self.size)}",
         )
+
+    @cached_property
+    def quaternion(self) -> np.ndarray:
+        """Orientation in the link's frame, (4,): remembered, since every scene asks for it."""
+        return quat_from_rpy(self.rpy_rad)
 
 
 @dataclass(frozen=True)

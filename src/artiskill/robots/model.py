@@ -125,8 +125,7 @@ class _Builder:
     def shapes(self, body: Any, role: str, shapes: Iterable[ShapeConfig]) -> None:
         for i, shape in enumerate(shapes):
             name = f"{body.name}_shape{i}"
-            quaternion = quat_from_rpy(shape.rpy_rad)
-            geom = add_shape(body, name, shape.kind, shape.size, shape.position_m, quaternion)
+            geom = add_shape(body, name, shape.kind, shape.size, shape.position_m, shape.quaternion)
             geom.mass = 0  # the inertia is explicit
             self.geoms[role].append(name)
 

@@ -116,17 +116,17 @@ class Padding:
     fans: tuple[int, ...]
 
 
-def plan_padding(obj: ArticulatedObject, model: Any, part: ObjectPart) -> Padding | None:
+def plan_padding(obj: ArticulatedObject, part: ObjectPart, spec: Any) -> Padding | None:
     """What brings an object up to the smallest layout of its category that has room for it, or None.
 
     Args:
         obj: the object.
-        model: a scene with the object, compiled without padding.
-        part: the object's names in it.
+        part: its names in the specification.
+        spec: of a scene with the object; it is compiled where the object has hulls.
     """
     free = bool(part.root)
     entries, geoms = inertia_entries(obj, free), sum(len(link.collisions) for link in obj.links)
-    volumes = _bounding_volumes(model, part)
+    volumes = _bounding_volumes(obj, part, spec)
     for config in category_layouts(obj.category):
         missing = config.joints - len(obj.joints)
         depths = _depths(missing, config.inertia - entries, FREE_ROOT_DOF * free)
@@ -170,11 +170,18 @@ def _hang(parent: Any, name: str) -> Any:
     return body
 
 
-def _bounding_volumes(model: Any, part: ObjectPart) -> int:
+def _bounding_volumes(obj: ArticulatedObject, part: ObjectPart, spec: Any) -> int:
+    """`LayoutConfig.volumes` of an object: a tree over n shapes, or n triangles of a hull, has 2 n - 1 nodes.
+
+    How many triangles a hull has only the engine knows: its Qhull merges faces that nearly lie in one plane.
+    """
+    volumes = sum(2 * len(link.collisions) - 1 for link in obj.links if link.collisions)
+    if all(shape.kind != "hull" for link in obj.links for shape in link.collisions):
+        return volumes
+    model = spec.compile()
     bodies = [model.body(name).id for name in part.bodies]
     geoms = np.isin(model.geom_bodyid, bodies) & (model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)
-    meshes = np.unique(model.geom_dataid[geoms])
-    return int(model.body_bvhnum[bodies].sum() + model.mesh_bvhnum[meshes].sum())
+    return volumes + int(model.mesh_bvhnum[model.geom_dataid[geoms]].sum())
 
 
 def _depths(count: int, entries: int, root_dof: int) -> tuple[int, ...] | None:

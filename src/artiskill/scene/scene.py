@@ -111,12 +111,12 @@ def build_scene(
     object_part = add_object(spec, obj, physics)
     add_props(spec, props, physics)
     set_joint_limits_solver(spec.joints, physics)
-    model = spec.compile()
     links, joints = len(obj.links), len(obj.joints)
-    padding = plan_padding(obj, model, object_part)
+    padding = plan_padding(obj, object_part, spec)
     if padding is not None:
         add_padding(spec, object_part, padding)
-        model, links, joints = spec.compile(), padding.config.links, padding.config.joints
+        links, joints = padding.config.links, padding.config.joints
+    model = spec.compile()
     index = _resolve(model, robot_part, object_part, joints, sensors)
     return Scene(model, index, physics, robot_part, obj, layout_of(model, links, joints), props)
 
