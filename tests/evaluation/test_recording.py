@@ -1,3 +1,4 @@
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from artiskill.evaluation.recording import (
     FrameDrawn,
     check_video,
     episode_cameras,
+    episode_caption,
     record_video,
     shown_points,
 )
@@ -66,6 +68,23 @@ def test_a_folder_is_no_film(tmp_path: Path) -> None:
     (tmp_path / "film.gif").mkdir()
     with pytest.raises(ConfigError, match="it is a folder"):
         check_video(tmp_path / "film.gif")
+
+
+@pytest.mark.parametrize(
+    ("task", "object_id", "says"),
+    [
+        ("OpenCabinetDrawer", "cabinet-0005", r"cabinet-0005  ·  link_\d  ·  0 % open"),
+        ("PushChair", "chair-0029", r"chair-0029  ·  [01]\.\d\d m from its goal"),
+        ("MoveBucket", "bucket-0004", r"bucket-0004  ·  [01]\.\d\d m from its goal"),
+    ],
+)
+def test_captions_say_what_and_how_far(task: str, object_id: str, says: str) -> None:
+    env = ManipulationEnv(task, objects=object_id)
+    env.reset(seed=0)
+    assert re.fullmatch(says, episode_caption(env, done=False))
+    assert re.fullmatch(says + "  ·  not solved", episode_caption(env, done=True))
+    env.task = replace(env.task, describe_progress=None)
+    assert re.fullmatch(r"\w+-\d+(  ·  link_\d)?", episode_caption(env, done=False))
 
 
 EPISODES = {

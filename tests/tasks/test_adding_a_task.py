@@ -17,6 +17,7 @@ EPISODE = """
 import numpy as np
 import turn_chair
 from artiskill import ManipulationEnv
+from artiskill.evaluation.recording import episode_caption
 from artiskill.geometry.rotations import quat_from_rpy
 from artiskill.scene.scene import build_scene
 from artiskill.sim.simulation import Simulation
@@ -31,6 +32,10 @@ for action in np.random.default_rng(0).uniform(-1, 1, (10, env.control.size)):
     assert -3 <= reward < -1
     assert not terminated
 assert set(info["reward_terms"]) == {"turning", "slow", "stage"}
+
+start, turn, end = episode_caption(env, done=True).split("  ·  ")
+assert start == env.scene.object.id and end == "not solved"
+assert turn.endswith(" degrees from its target") and 90 < float(turn.split()[0]) <= 180
 
 # the chair turned by hand: flags and stages follow
 task, obj = env.task, env.simulation.scene.object

@@ -31,10 +31,6 @@ from artiskill.sensors.pictures.framing import following_cameras
 from artiskill.sensors.render_config import load_render_config
 from artiskill.sensors.renderer import BodyVisual, Renderer
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.free_object import ObjectPose
-from artiskill.tasks.move_bucket import BucketGoal
-from artiskill.tasks.open_cabinet import CabinetGoal
-from artiskill.tasks.push_chair import ChairGoal
 from artiskill.tasks.task import Task
 
 STEPS_PER_FRAME = 2
@@ -199,15 +195,13 @@ def draw_moments(
 
 
 def episode_caption(env: ManipulationEnv, done: bool) -> str:
-    """Return a caption: object, target, how far open or how far from its goal, and how the episode ended."""
+    """Return a caption: object, target link but the root, how far the episode has come, and how it ended."""
     state = env.save_state()
-    parts = [state.object, state.target]
-    goal = env.goal
-    if isinstance(goal, CabinetGoal):
-        opened = (env.snapshot.object_qpos[0, goal.joint[0]] - goal.lower[0]) / (goal.upper[0] - goal.lower[0])
-        parts.append(f"{round(100 * max(0.0, opened))} % open")  # a closed drawer gives a little: no "-0 %"
-    elif isinstance(goal, BucketGoal | ChairGoal):
-        parts[1] = f"{ObjectPose(env.snapshot).distance_m[0]:.2f} m from its goal"
+    parts = [state.object]
+    if state.target != env.scene.object.links[0].name:  # the root is the whole object
+        parts.append(state.target)
+    if env.task.describe_progress is not None:
+        parts.append(env.task.describe_progress(env.snapshot, env.goal))
     if done:
         parts.append("success" if state.streaks.min() >= env.task.hold_steps else "not solved")
     return "  ·  ".join(parts)

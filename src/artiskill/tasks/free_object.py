@@ -149,6 +149,11 @@ def observe_free_object(snapshot: Snapshot, goal: object, max_joints: int) -> Ar
     return values
 
 
+def describe_distance(snapshot: Snapshot, goal: object) -> str:
+    """Return how far the object of one episode is from its goal."""
+    return f"{ObjectPose(snapshot).distance_m[0]:.2f} m from its goal"
+
+
 def robot_mask(scene: Scene, target: str) -> np.ndarray:
     """Return which of `Scene.visuals` belong to the robot, (1, G) bool: the object is not told apart."""
     robot_bodies = [scene.model.body(name).id for name in scene.robot.bodies]

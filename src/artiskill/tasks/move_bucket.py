@@ -22,6 +22,7 @@ from artiskill.tasks.free_object import (
     StandingConfig,
     SurfaceGoal,
     arrival_stages,
+    describe_distance,
     fingertip_distance,
     free_object_fields,
     observe_free_object,
@@ -376,4 +377,5 @@ def make_move_bucket(config: MoveBucketConfig) -> Task:
         state_fields=free_object_fields(config.max_object_joints, len(robot.mounts), (_BALL,)),
         mask_names=MASK_NAMES,
         masks=robot_mask,
+        describe_progress=describe_distance,
     )

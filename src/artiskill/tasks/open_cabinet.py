@@ -336,6 +336,12 @@ def masks(scene: Scene, target: str) -> np.ndarray:
     return np.stack((on_target & is_handle, on_target, np.isin(body, robot_bodies)))
 
 
+def describe_progress(snapshot: Snapshot, goal: CabinetGoal) -> str:
+    """Return how far the link of one episode is open, of its joint's range."""
+    opened = (snapshot.object_qpos[0, goal.joint[0]] - goal.lower[0]) / (goal.upper[0] - goal.lower[0])
+    return f"{round(100 * max(0.0, opened))} % open"  # a closed drawer gives a little: no "-0 %"
+
+
 def make_open_cabinet(config: OpenCabinetConfig) -> Task:
     """Assemble the task; doors and drawers differ only in `config`."""
     robot, joints = config.robot, config.max_object_joints
@@ -360,4 +366,5 @@ def make_open_cabinet(config: OpenCabinetConfig) -> Task:
         state_fields=state_fields(joints, len(robot.mounts), (one_hot,)),
         mask_names=MASK_NAMES,
         masks=masks,
+        describe_progress=describe_progress,
     )

@@ -23,6 +23,7 @@ from artiskill.tasks.free_object import (
     StandingConfig,
     SurfaceGoal,
     arrival_stages,
+    describe_distance,
     fingertip_distance,
     free_object_fields,
     observe_free_object,
@@ -264,4 +265,5 @@ def make_push_chair(config: PushChairConfig) -> Task:
         state_fields=free_object_fields(config.max_object_joints, len(robot.mounts)),
         mask_names=MASK_NAMES,
         masks=robot_mask,
+        describe_progress=describe_distance,
     )

@@ -127,6 +127,8 @@ class Task:
         state_fields: what the D numbers are.
         mask_names: of the k masks that come with what the robot sees.
         masks: (scene, target) -> (k, G) bool, which of `Scene.visuals` belong to each mask.
+        describe_progress: (snapshot, goal), B = 1 -> how far an episode has come, as captions of films say it:
+            "40 % open"; None where they say nothing of it.
     """
 
     config: Any  # of a subclass of `TaskConfig`, whose own sections vary
@@ -145,6 +147,7 @@ class Task:
     state_fields: tuple[ObservationField, ...]
     mask_names: tuple[str, ...]
     masks: Callable[[Scene, str], np.ndarray]
+    describe_progress: Callable[[Snapshot, Goal], str] | None = None
 
     @property
     def name(self) -> str:
