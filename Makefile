@@ -10,7 +10,7 @@ bootstrap = @$(PYTHON) tools/bootstrap.py --venv $(VENV)
 python = $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-dev demo test test-slow test-rl test-lerobot test-ray test-gltf lint types format bench docs site clean clean-env
+.PHONY: help setup setup-dev demo test test-slow test-learn test-rl test-lerobot test-ray test-gltf lint types format bench docs site clean clean-env
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
@@ -32,6 +32,11 @@ test: ## run the tests that take seconds
 test-slow: ## run the tests that take minutes
 	$(bootstrap) test
 	$(python) -m pytest -n $(WORKERS) -m slow
+
+test-learn: VENV = .venv-learn
+test-learn: ## run the tests of learning, which need torch, in .venv-learn
+	$(bootstrap) test-learn
+	$(python) -m pytest tests/learning -n $(WORKERS)
 
 test-rl: VENV = .venv-rl
 test-rl: ## run the tests that need torch, TorchRL or Stable-Baselines3, in .venv-rl
@@ -90,4 +95,4 @@ clean: ## remove results and caches
 	find src tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
 
 clean-env: ## remove the environments too
-	rm -rf $(VENV) .venv-rl .venv-lerobot .venv-ray
+	rm -rf $(VENV) .venv-learn .venv-rl .venv-lerobot .venv-ray
