@@ -102,6 +102,25 @@ def test_the_command_line_evaluated_its_expert(run: Run) -> None:
 
 
 @pytest.mark.slow
+def test_workers_collect_and_verify_its_demonstrations(run: Run) -> None:
+    """Of a package that is not installed: each command is told where the task comes from."""
+    easy = ("--set", "success.max_angle_rad=3.1", "success.max_angular_speed_rad_s=9", "episode_steps=40")
+    objects = ("--objects", "chair-0001", "chair-0003", "--per-object", "2", "--plain")
+    task = ("--task", "turn_chair:TurnChair", "--workers", "2")
+    commands = (
+        ("collect", "--out", "demos", *objects, *easy),
+        ("verify", "demos"),
+        ("replay", "demos", "--out", "training", "--obs-mode", "state"),
+    )
+    said = [run("-m", "artiskill", "demos", *command, *task) for command in commands]
+    assert [done.returncode for done in said] == [0, 0, 0], said
+    assert "4 of 4 trajectories bit-exact" in said[1].stdout
+    done = run("-m", "artiskill", "demos", "verify", "demos")
+    assert done.returncode == 1
+    assert "on the command line, name it module:Task" in done.stdout
+
+
+@pytest.mark.slow
 def test_an_installed_package_is_found(run: Run, tmp_path: Path) -> None:
     """As pip installs it: its entry points beside it."""
     folder = Path(run("-c", "import os; print(os.getcwd())").stdout.strip())

@@ -187,6 +187,13 @@ def test_gymnasium_imports_the_module(package: None, monkeypatch: pytest.MonkeyP
     envs.reset(seed=0)
 
 
+def test_a_module_without_the_task_is_refused(package: None) -> None:
+    with pytest.raises(
+        UnknownNameError, match=r"'PushChairNear'; did you mean 'PushChairFar'\?.*importing 'far_chairs'"
+    ):
+        load_task("far_chairs:PushChairNear")
+
+
 @pytest.mark.parametrize("is_variant", [False, True])
 def test_worker_processes_know_it(package: None, yaml: Path, is_variant: bool) -> None:
     name = "PushChairFar"

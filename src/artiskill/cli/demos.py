@@ -19,6 +19,7 @@ from artiskill.cli.parser import (
     add_command,
     add_group,
     add_set,
+    add_stored_task,
     add_workers,
     overrides_of,
     workers_of,
@@ -150,6 +151,7 @@ def _add_verify(commands: Any) -> None:
     add = parser.add_argument
     add("path", type=Path, help=_FOLDERS)
     add("--objects", nargs="+", metavar="FOLDER", default=[], help="imported objects that cannot be found by name")
+    add_stored_task(parser)
     add_workers(parser)
 
 
@@ -234,6 +236,7 @@ def _add_replay(commands: Any) -> None:
     add("--keep-failures", action="store_true", help="keep trajectories that are no longer solved, too")
     add("--compression", type=int, default=1, help="gzip level, 0 to 9 (default: %(default)s)")
     add_set(parser, "values of the settings cameras.* and render.*")
+    add_stored_task(parser)
     add_workers(parser)
 
 
@@ -335,6 +338,7 @@ def _add_export(commands: Any) -> None:
     add("--format", required=True, choices=("minari", "lerobot"), metavar="FORMAT", help="minari or lerobot")
     add("--out", type=Path, required=True, metavar="HOME", help="the library's folder of datasets")
     add("--name", help="id of the dataset, which is its folder in HOME")
+    add_stored_task(parser)
 
 
 def _export(arguments: argparse.Namespace) -> None:
@@ -363,6 +367,7 @@ def _add_pictures(commands: Any) -> None:
     add("--azimuth", type=float, metavar="DEG", help="direction of the camera, from +x counterclockwise")
     add("--elevation", type=float, metavar="DEG", help="elevation of the camera above the horizon")
     add("--distance", type=float, metavar="METRES", help="distance of the camera from its target")
+    add_stored_task(parser)
 
 
 def _pictures(arguments: argparse.Namespace) -> None:

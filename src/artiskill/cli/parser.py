@@ -122,6 +122,11 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", type=int, help="number of processes (default: one per core)")
 
 
+def add_stored_task(parser: argparse.ArgumentParser) -> None:
+    """Add `--task` to a command that reads the task's name from files."""
+    parser.add_argument("--task", help="module:Task, if files are of a task whose package is not installed")
+
+
 def workers_of(arguments: argparse.Namespace) -> int:
     """Return the number of processes that was asked for, else that of the cores."""
     from artiskill.jobs.parallel import available_cores

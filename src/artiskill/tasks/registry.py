@@ -106,12 +106,14 @@ def load_task(reference: str) -> str:
 
     Raises:
         ConfigError: the module cannot be imported.
+        UnknownNameError: it registers no such task.
     """
     module, _, name = reference.rpartition(":")
     if module:
         if os.getcwd() not in sys.path:  # as `python -m` has it, and other programs that are given a module
             sys.path.insert(0, os.getcwd())
         _imported(module, f"task {reference!r}")
+        check_name("task", name, _TASKS, f"(importing {module!r} registers no such task)")
     return name
 
 
