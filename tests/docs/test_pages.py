@@ -3,7 +3,7 @@
 A comment in the page, in the line before a block, says what else is to be done with it:
 
     <!-- not run: needs torch -->     the code is compiled only; commands are parsed only
-    <!-- slow -->                     it runs in the slow suite
+    <!-- slow -->                     a slow test of `LOOKED_AT` runs it, and looks at what it made
 """
 
 import re
@@ -22,6 +22,7 @@ from artiskill.cli.main import make_parser
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 FOLLOWED = {"adding_a_task.md"}  # a test of its own does what these pages say
+LOOKED_AT = {"docs/objects.md", "docs/own_objects.md"}  # test_object_pages.py
 BLOCK = re.compile(
     r"(?:^<!-- (?P<mark>slow|not run: [^>]+) -->\n)?^```(?P<language>\w+)\n(?P<text>.*?)^```$", re.M | re.S
 )
@@ -60,28 +61,20 @@ def pages_with(*languages: str) -> list[Any]:
     return [pytest.param(page, id=name_of(page)) for page in pages]
 
 
-def run_python(page: Path, with_slow: bool) -> None:
-    """Run the blocks of a page in order, in one namespace."""
+@pytest.mark.parametrize("page", pages_with("python"))
+def test_code_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The blocks of a page, in order, in one namespace."""
+    monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {"__name__": "page"}
     for block in blocks_of(page, "python"):
         code = compile(block.text, name_of(page), "exec")
-        if not block.mark or (with_slow and block.mark == "slow"):
+        if not block.mark:
             exec(code, names)
 
 
-@pytest.mark.parametrize("page", pages_with("python"))
-def test_code_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    run_python(page, with_slow=False)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "page", [page for page in PAGES if any(b.mark == "slow" for b in blocks_of(page, "python"))]
-)
-def test_slow_code_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    run_python(page, with_slow=True)
+def test_slow_code_is_looked_at() -> None:
+    slow = {name_of(page) for page in PAGES for block in blocks_of(page, "python") if block.mark == "slow"}
+    assert slow == LOOKED_AT
 
 
 @pytest.mark.parametrize("page", pages_with("sh"))
