@@ -1,18 +1,24 @@
-import json
-import os
-from pathlib import Path
+"""Files of demonstrations: what they say, damage of every kind, their trajectories as states of an environment."""
 
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
 import numpy as np
 import pytest
 
-from artiskill.demos import demos as module
-from artiskill.demos.demo_file import DemoFile
-from artiskill.demos.demos import Demos, find_folders, read_manifest, write_manifest
+from artiskill.demos.demo_file import DemoFile, Trajectory
 from artiskill.demos.file_format import DEMONSTRATIONS
 from artiskill.demos.hdf5 import load_h5py
-from artiskill.errors import DemoError
+from artiskill.demos.recording import simulation_arrays
+from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.envs.state import EnvState
+from artiskill.errors import DemoError, StateError
 
-from .conftest import PER_OBJECT
+from .conftest import PER_OBJECT, put
+
+ARRAYS = ("actions", "disturbed", "rewards", "flags", "digests", "states", "key_frames")
 
 
 def changed(path: Path, **attributes: object) -> Path:
@@ -178,69 +184,6 @@ def test_another_task_of_the_same_configuration(path: Path) -> None:
         file.make_env()
 
 
-def test_folders(own_drawers: Path, tmp_path: Path) -> None:
-    assert find_folders(own_drawers) == find_folders(tmp_path) == [own_drawers]
-    with pytest.raises(DemoError, match=r"neither it nor a folder in it has a manifest.json"):
-        find_folders(tmp_path / "nothing")
-    with pytest.raises(DemoError, match="is a file; name its folder"):
-        find_folders(own_drawers / "cabinet-0002.h5")
-    with pytest.raises(DemoError, match=r"cabinet-0002\.h5' is a file, not a folder of demonstrations"):
-        Demos(own_drawers / "cabinet-0002.h5")
-    (own_drawers / "cabinet-0002.h5").unlink()
-    with pytest.raises(DemoError, match="is missing: the manifest lists it"):
-        Demos(own_drawers)
-
-
-@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"format": "other"}'])
-def test_bad_manifests(tmp_path: Path, text: str) -> None:
-    (tmp_path / "manifest.json").write_text(text)
-    with pytest.raises(DemoError, match=r"damaged|holds no demonstrations"):
-        read_manifest(tmp_path)
-
-
-def test_training_files_among_demonstrations_are_left_out(
-    own_drawers: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    training, damaged = tmp_path / "training", tmp_path / "damaged"
-    for folder, text in ((training, '{"format": "artiskill-training"}'), (damaged, "{")):
-        folder.mkdir()
-        (folder / "manifest.json").write_text(text)
-    assert find_folders(tmp_path) == [damaged, own_drawers]
-    assert caplog.messages == [f"{training} is left out: it holds no demonstrations, but artiskill-training"]
-
-
-@pytest.mark.parametrize(
-    "name", ["../evil.h5", "evil.h5", "/tmp/cabinet-0002.h5", ".cabinet-0002.h5", "cabinet-0002"]
-)
-@pytest.mark.parametrize("with_object", [True, False])
-def test_a_manifest_names_files_of_its_folder_only(own_drawers: Path, name: str, with_object: bool) -> None:
-    """Paths are made of the names, and of those of the objects."""
-    path = own_drawers / "manifest.json"
-    content = json.loads(path.read_text())
-    entry = content["files"].pop("cabinet-0002.h5")
-    if with_object and name != "evil.h5":
-        entry["object"] = name.removesuffix(".h5")
-    content["files"][name] = entry
-    path.write_text(json.dumps(content))
-    with pytest.raises(DemoError, match=rf"a file is called '{name}'; its name must be that of its object"):
-        read_manifest(own_drawers)
-
-
-def test_a_manifest_is_on_the_disk(own_drawers: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A power cut leaves no empty one."""
-    synced: list[int] = []
-    monkeypatch.setattr(module.os, "fsync", lambda handle: synced.append(os.fstat(handle).st_size))
-    write_manifest(read_manifest(own_drawers), own_drawers)
-    assert synced == [(own_drawers / "manifest.json").stat().st_size]
-
-
-def test_a_manifest_with_a_key_too_many(own_drawers: Path) -> None:
-    path = own_drawers / "manifest.json"
-    path.write_text(path.read_text().replace('"settings": {', '"setings": {', 1))
-    with pytest.raises(DemoError, match="did you mean 'settings'"):
-        read_manifest(own_drawers)
-
-
 def test_every_success_has_a_trajectory(own_drawers: Path) -> None:
     path = own_drawers / "cabinet-0002.h5"
     with load_h5py().File(path, "r+") as file:
@@ -250,3 +193,166 @@ def test_every_success_has_a_trajectory(own_drawers: Path) -> None:
         del file[f"traj_{PER_OBJECT - 1}"]
     with DemoFile(path) as file, pytest.raises(DemoError, match="one that was solved has no trajectory"):
         _ = file.attempts
+
+
+def wrong(values: np.ndarray) -> np.ndarray:
+    values[1] = np.nan
+    return values
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        *((put(name, lambda values: values[:1]), r"\w+ are \w+ \(.*\), not") for name in ARRAYS),
+        *((put(name, lambda values: values.astype(np.int8)), rf"{name} are int8") for name in ARRAYS),
+        *(
+            (put(name, wrong), f"{name} have numbers that are not finite")
+            for name in ("actions", "rewards", "states", "key_frames")
+        ),
+        (
+            put("actions", lambda values: values[:, :-1]),
+            r"actions are float32 \(\d+, 12\), not float32 \(\d+, 13\)",
+        ),
+        (lambda group: group.attrs.__setitem__("level", -5), "a level is an integer from 0 to .*, not .*-5"),
+        (lambda group: group.attrs.__setitem__("target", "link_99"), "unknown target 'link_99'; did you mean"),
+    ],
+)
+def test_trajectories_are_checked(own_drawers: Path, change: Callable[[Any], None], message: str) -> None:
+    path = own_drawers / "cabinet-0002.h5"
+    with load_h5py().File(path, "r+") as file:
+        change(file["traj_1"])
+    with DemoFile(path) as demos:
+        demos.trajectory(0)
+        with pytest.raises(DemoError, match=rf"cabinet-0002.h5' is damaged: cannot read trajectory 1 \({message}"):
+            demos.trajectory(1)
+
+
+@pytest.fixture(scope="module")
+def file(drawers: Path) -> DemoFile:
+    return DemoFile(drawers / "cabinet-0026.h5")
+
+
+@pytest.fixture(scope="module")
+def trajectory(file: DemoFile) -> Trajectory:
+    return file.trajectory(1)
+
+
+@pytest.fixture(scope="module")
+def env(file: DemoFile) -> ManipulationEnv:
+    return file.make_env()
+
+
+@pytest.fixture(scope="module")
+def live(file: DemoFile, trajectory: Trajectory) -> list[EnvState]:
+    """The states of an environment of its own, which plays the actions from the level on."""
+    env = ManipulationEnv("OpenCabinetDrawer", "cabinet-0026")
+    _, info = env.reset(options={"level": trajectory.level, "target": trajectory.target})
+    states = [env.save_state()]
+    for step, action in enumerate(trajectory.actions):
+        _, reward, terminated, truncated, info = env.step(action)
+        assert reward == trajectory.rewards[step]
+        assert list(info["flags"].values()) == trajectory.recording.flags[step].tolist()
+        assert (terminated or truncated) == (step == len(trajectory) - 1)
+        states.append(env.save_state())
+    assert info["success"]
+    assert trajectory.success
+    assert list(info["flags"]) == list(file.header.flag_names)
+    return states
+
+
+def assert_same(one: EnvState, other: EnvState) -> None:
+    for name in ("task", "object", "target", "level", "elapsed"):
+        assert getattr(one, name) == getattr(other, name), name
+    np.testing.assert_array_equal(one.streaks, other.streaks)
+    ours, theirs = simulation_arrays(one.simulation), simulation_arrays(other.simulation)
+    assert ours.keys() == theirs.keys()
+    for name, value in ours.items():
+        assert value.tobytes() == theirs[name].tobytes(), name
+    assert one.simulation.object_hash == other.simulation.object_hash
+    assert one.simulation.physics == other.simulation.physics
+
+
+def test_stored_states_need_no_environment(trajectory: Trajectory, live: list[EnvState]) -> None:
+    steps = trajectory.exact_steps.tolist()
+    assert steps == [*range(0, len(trajectory), 30), len(trajectory)]
+    for step in steps:
+        assert_same(trajectory.env_state(step), live[step])
+
+
+def test_any_state_comes_back_exactly(trajectory: Trajectory, live: list[EnvState], env: ManipulationEnv) -> None:
+    for step in (1, 29, 31, 59, len(trajectory) - 1):
+        assert_same(trajectory.env_state(step, env), live[step])
+
+
+def test_all_states_in_one_run(trajectory: Trajectory, live: list[EnvState], env: ManipulationEnv) -> None:
+    found = []
+    for state in trajectory.env_states(env):
+        found.append(state)
+        env.reset(options={"level": 7})  # somebody else uses it between
+    assert len(found) == len(live)
+    for one, other in zip(found, live, strict=True):
+        assert_same(one, other)
+
+
+def test_a_restored_state_goes_on_as_before(
+    trajectory: Trajectory, live: list[EnvState], env: ManipulationEnv
+) -> None:
+    env.restore_state(trajectory.env_state(30))
+    for action in trajectory.actions[30:]:
+        env.step(action)
+    assert_same(env.save_state(), live[-1])
+
+
+def test_rounded_states_are_near_the_exact_ones(trajectory: Trajectory, env: ManipulationEnv) -> None:
+    states = trajectory.states
+    for step in (0, 17, len(trajectory)):
+        env.restore_state(trajectory.env_state(step, env))
+        snapshot = env.snapshot
+        np.testing.assert_allclose(states["robot_qpos"][step], snapshot.robot_qpos[0], atol=2**-15)
+        np.testing.assert_allclose(states["robot_qvel"][step], snapshot.robot_qvel[0], atol=2**-10)
+        joints = states["object_qpos"].shape[1]
+        np.testing.assert_allclose(states["object_qpos"][step], snapshot.object_qpos[0, :joints], atol=2**-15)
+        np.testing.assert_allclose(states["root_position_w"][step], snapshot.link_position_w[0, 0], atol=2**-15)
+
+
+def test_what_does_not_fit_is_refused(trajectory: Trajectory, env: ManipulationEnv) -> None:
+    with pytest.raises(DemoError, match=r"stored of the steps \[0, 30, 60.*an environment is needed"):
+        trajectory.env_state(7)
+    with pytest.raises(IndexError, match="has the steps 0 to"):
+        trajectory.env_state(len(trajectory) + 1)
+    other_mode = ManipulationEnv("OpenCabinetDrawer", "cabinet-0026", control_mode="operational_space")
+    with pytest.raises(DemoError, match=r"control mode 'joint', the environment 'operational_space'"):
+        trajectory.env_state(7, other_mode)
+    with pytest.raises(StateError, match="cannot restore"):
+        trajectory.env_state(7, ManipulationEnv("OpenCabinetDoor", "cabinet-0006"))
+    slower = ManipulationEnv("OpenCabinetDrawer", "cabinet-0026", config={"physics.solver_iterations": 99})
+    with pytest.raises(StateError, match="another physics configuration"):
+        trajectory.env_state(7, slower)
+
+
+def test_wrappers_do_not_matter(trajectory: Trajectory, live: list[EnvState], env: ManipulationEnv) -> None:
+    wrapped = gym.wrappers.TimeLimit(gym.wrappers.OrderEnforcing(env), 3)
+    assert_same(trajectory.env_state(7, wrapped), live[7])
+    states = trajectory.env_states(wrapped)
+    for step in range(5):
+        assert_same(next(states), live[step])
+
+
+def test_values_of_the_wrong_kind(trajectory: Trajectory, env: ManipulationEnv) -> None:
+    for step in (1.5, "a", None):
+        with pytest.raises(TypeError, match="a step must be a whole number, not"):
+            trajectory.env_state(step, env)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="needs a `ManipulationEnv`, wrapped or not, instead of 'env'"):
+        trajectory.env_state(7, "env")  # type: ignore[arg-type]
+    assert trajectory.env_state(np.int64(7), env).elapsed == 7  # type: ignore[arg-type]
+
+
+def test_another_outcome_is_noticed(file: DemoFile, env: ManipulationEnv) -> None:
+    trajectory = file.trajectory(0)
+    trajectory.actions[3, 0] = 0.01
+    trajectory.env_state(3, env)
+    with pytest.raises(DemoError, match="the state of step 4 has the digest"):
+        trajectory.env_state(4, env)
+    trajectory.recording.key_frames[1, 40] += 1e-12
+    with pytest.raises(DemoError, match="the state of step 30 has the digest"):
+        trajectory.env_state(30)
