@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from artiskill.assets.catalog import load_object
-from artiskill.errors import ActionError, DivergedError, StateError
+from artiskill.errors import DivergedError, StateError
 from artiskill.scene.scene import Scene, build_scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.states import InitialState
@@ -167,34 +167,13 @@ def test_a_restored_state_has_not_run_away(scene: Scene, way: str) -> None:
     simulation = Simulation(scene, num_envs=2)
     simulation.reset([start(scene, 0)] * 2)
     good = simulation.save([0]) if way == "broadcast_state" else simulation.save()
-    targets = np.zeros((2, 2, 13))
+    targets = np.zeros((2, 13))
     targets[1] = np.nan
     getattr(simulation, way)(good)
     with pytest.raises(DivergedError, match=r"environments \[1\]"):
-        simulation.rollout(targets)
+        simulation.step(targets)
     getattr(simulation, way)(good)
-    assert len(simulation.rollout(np.zeros((2, 2, 13)))) == 2
-
-
-@pytest.mark.parametrize("shape", [(2, 13), (1, 3, 13), (2, 3, 12), (2, 3, 13, 1)])
-def test_a_rollout_of_another_shape_is_refused(scene: Scene, shape: tuple[int, ...]) -> None:
-    simulation = Simulation(scene, num_envs=2)
-    simulation.reset([start(scene, 0)] * 2)
-    with pytest.raises(ActionError, match=r"\(2, steps, 13\)"):
-        simulation.rollout(np.zeros(shape))
-
-
-def test_a_rollout_is_its_steps(scene: Scene) -> None:
-    targets = np.random.default_rng(0).uniform(-0.3, 0.3, (2, 4, 13))
-    one, other = (Simulation(scene, num_envs=2) for _ in range(2))
-    for simulation in (one, other):
-        simulation.reset([start(scene, 0), start(scene, 1)])
-    snapshots = one.rollout(targets)
-    assert len(snapshots) == 4
-    for k, snapshot in enumerate(snapshots):
-        other.step(targets[:, k])
-        np.testing.assert_array_equal(snapshot.robot_qpos, other.snapshot().robot_qpos)
-        np.testing.assert_array_equal(snapshot.link_position_w, other.snapshot().link_position_w)
+    simulation.step(np.zeros((2, 13)))
 
 
 def test_growing_changes_nothing_about_those_that_are_there(scene: Scene) -> None:

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from artiskill.errors import ActionError, Cause, DivergedError
+from artiskill.errors import Cause, DivergedError
 from artiskill.geometry.arrays import rotate
 from artiskill.scene.scene import Scene
 from artiskill.sim.snapshot import Snapshot
@@ -236,30 +236,6 @@ class Simulation:
         self._batch.step(env_ids, nstep=self._physics_steps, stage=_CURRENT)
         if self._batch.warning[ids, :, 1].any():
             raise DivergedError(self.diverged(ids))
-
-    def rollout(self, targets: np.ndarray) -> list[Snapshot]:
-        """Take environment steps under given drive targets, as predictive controllers ask for them.
-
-        Args:
-            targets: (B, T, R).
-
-        Returns:
-            T snapshots, one after each environment step.
-
-        Raises:
-            ActionError: targets of another shape.
-            DivergedError: as `step`.
-        """
-        size = self._ctrl.shape[1]
-        if targets.ndim != 3 or targets.shape[::2] != (self.num_envs, size):
-            raise ActionError(
-                f"a rollout needs drive targets of shape ({self.num_envs}, steps, {size}), not {targets.shape}"
-            )
-        snapshots = []
-        for k in range(targets.shape[1]):
-            self.step(targets[:, k])
-            snapshots.append(self.snapshot())
-        return snapshots
 
     def diverged(self, ids: slice | np.ndarray = slice(None)) -> dict[int, Cause]:
         """Return which of these environments the engine has warned of since their reset, and why."""
