@@ -90,6 +90,10 @@ class DemoError(ArtiSkillError, ValueError):
     """A file or folder of demonstrations that is damaged, foreign, of another version, or does not fit."""
 
 
+class RunError(ArtiSkillError, RuntimeError):
+    """A training run that is damaged, of other settings or another version, or that cannot go on."""
+
+
 class ClusterError(ArtiSkillError, RuntimeError):
     """Several machines that cannot be reached, break down, or would give other results than this one."""
 

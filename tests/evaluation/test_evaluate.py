@@ -110,6 +110,26 @@ def test_a_function_and_an_object_as_policy() -> None:
     assert still.policy_sha256 is None
 
 
+def test_a_policy_sees_the_cloud_that_it_asks_for(solution: Callable[[str], Path]) -> None:
+    path = solution(
+        "import numpy as np\n"
+        "class Policy:\n"
+        "    obs_mode, sampling = 'pointcloud', {'num_points': 96, 'frame': 'robot'}\n"
+        "    def reset(self, observation, info): pass\n"
+        "    def act(self, observation):\n"
+        "        assert observation['pointcloud']['xyz'].shape == (96, 3)\n"
+        "        return np.clip(observation['pointcloud']['xyz'].sum() * np.ones(13), -1, 1)\n"
+    )
+    report = evaluate(TASK, path, OBJECTS, 1, config=SHORT)
+    assert report.to_mapping()["sampling"] == {
+        "num_points": 96,
+        "method": "maniskill",
+        "frame": "robot",
+        "settings": {},
+    }
+    assert comparable(evaluate(TASK, path, OBJECTS, 1, config=SHORT, workers=2)) == comparable(report)
+
+
 def test_objects_of_ones_own() -> None:
     cabinet = artiskill.load_object("generated:8")
     report = evaluate(TASK, "random", [cabinet, "cabinet-0005"], 1, config=SHORT, workers=2)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from artiskill.envs.wrappers import Sampling
 from artiskill.errors import PolicyError
 from artiskill.evaluation.solution import Solution, read_solution
 
@@ -137,3 +138,26 @@ def test_ctrl_c_in_a_solution_is_not_its_fault(solution: Write) -> None:
 def test_objects_that_are_no_policy(policy: object) -> None:
     with pytest.raises(PolicyError, match="a solution has either"):
         Solution.of_object(policy)
+
+
+CLOUDS = CLASS.replace('"state"', '"pointcloud"') + "    sampling = "
+
+
+def test_a_sampling(solution: Write) -> None:
+    found = begin(solution(CLOUDS + '{"num_points": 256, "frame": "robot"}\n'))
+    assert found.sampling == Sampling(256, frame="robot")
+    assert begin(solution(CLASS)).sampling is None
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (CLASS + "    sampling = {}\n", "sampling is for obs_mode 'pointcloud', not for 'state'"),
+        (CLOUDS + "256\n", "sampling: it must be a mapping of keys to values, not 256"),
+        (CLOUDS + "{'points': 256}\n", "unknown key 'points'; did you mean 'num_points'?"),
+        (CLOUDS + "{'frame': 'hand'}\n", "unknown frame 'hand'"),
+        (CLOUDS + "{'num_points': 0}\n", "num_points"),
+    ],
+)
+def test_illegal_samplings(solution: Write, text: str, says: str) -> None:
+    assert says in complaint(solution(text))

@@ -27,11 +27,9 @@ from artiskill.demos.settings import MOST_COMPRESSION, Settings
 from artiskill.envs.control import CONTROL_MODES
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.options import OBSERVATION_MODES
-from artiskill.envs.vision import FRAMES
-from artiskill.envs.wrappers import PointCloudDownsample
+from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ArtiSkillError, ConfigError, DemoError, UnknownNameError, check_name, shown
 from artiskill.files import parse_json
-from artiskill.sensors.observations.sampling import make_sampler
 from artiskill.tasks.levels import check_level
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Task
@@ -41,30 +39,6 @@ WAYS: tuple[str, ...] = (SIMULATE, RESTORE)
 # parts of a task's configuration that change what is seen, and nothing of what happens
 _SEEN = ("cameras.", "render.")
 _MOST_NAMED = 3  # differences
-
-
-@dataclass(frozen=True)
-class Sampling:
-    """Which points of a cloud are kept, see `PointCloudDownsample`."""
-
-    num_points: int = 1200  # in all
-    method: str = "maniskill"  # `maniskill`, `uniform`, `voxel` or `fps`
-    frame: str = "world"  # `world`, `robot` or `end_effector`
-    settings: dict[str, Any] = field(default_factory=dict)  # of the method
-
-    def __post_init__(self) -> None:
-        check_name("frame", self.frame, FRAMES)
-        make_sampler(self.method, self.num_points, self.all_settings)
-
-    @property
-    def all_settings(self) -> dict[str, Any]:
-        """The method's settings; those that were not given, in proportion to those for 1,200 points."""
-        shares = {"masked_points": 2 * self.num_points // 3, "points_per_mask": self.num_points // 24}
-        return (shares if self.method == "maniskill" else {}) | self.settings
-
-    def wrap(self, env: Any) -> PointCloudDownsample:
-        """Return an environment with fewer points."""
-        return PointCloudDownsample(env, self.method, self.num_points, self.frame, **self.all_settings)
 
 
 def make_sampling(

@@ -1,6 +1,7 @@
 """Gymnasium wrappers for ArtiSkill's environments, single and vector."""
 
 import math
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -11,8 +12,9 @@ from gymnasium.vector.utils import batch_space
 from artiskill.envs.core import MakeObserver
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.vector_env import ManipulationVectorEnv
-from artiskill.envs.vision import PointCloudObserver, sampled_points
-from artiskill.errors import ConfigError, shown
+from artiskill.envs.vision import FRAMES, PointCloudObserver, sampled_points
+from artiskill.errors import ConfigError, check_name, shown
+from artiskill.sensors.observations.sampling import make_sampler
 
 
 class PointCloudDownsample(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordConstructorArgs):
@@ -59,6 +61,30 @@ class PointCloudDownsample(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordCons
         gym.Wrapper.__init__(self, env)
         make_observer = partial(sampled_points, method=method, num_points=num_points, frame=frame, **settings)
         _observe_points(env, ManipulationEnv, "observation_space", make_observer)
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Which points of a cloud are kept, see `PointCloudDownsample`."""
+
+    num_points: int = 1200  # in all
+    method: str = "maniskill"  # `maniskill`, `uniform`, `voxel` or `fps`
+    frame: str = "world"  # `world`, `robot` or `end_effector`
+    settings: dict[str, Any] = field(default_factory=dict)  # of the method
+
+    def __post_init__(self) -> None:
+        check_name("frame", self.frame, FRAMES)
+        make_sampler(self.method, self.num_points, self.all_settings)
+
+    @property
+    def all_settings(self) -> dict[str, Any]:
+        """The method's settings; those that were not given, in proportion to those for 1,200 points."""
+        shares = {"masked_points": 2 * self.num_points // 3, "points_per_mask": self.num_points // 24}
+        return (shares if self.method == "maniskill" else {}) | self.settings
+
+    def wrap(self, env: Any) -> PointCloudDownsample:
+        """Return an environment with fewer points."""
+        return PointCloudDownsample(env, self.method, self.num_points, self.frame, **self.all_settings)
 
 
 class FlattenDict(gym.ObservationWrapper[Any, Any, Any], gym.utils.RecordConstructorArgs):

@@ -1,24 +1,25 @@
 """What is to be evaluated, checked before the first step is simulated."""
 
-import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import checked_hash, load_object, object_id_of, resolve_objects
+from artiskill.config import from_mapping, to_mapping
 from artiskill.envs.control import JOINT
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
+from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ConfigError, PolicyError, shown
 from artiskill.evaluation.policies import (
     LOAD_TIMEOUT_S,
-    POLICY_NAMES,
     Actor,
     check_time_limit,
     load_policy,
     load_within,
+    policy_digest,
     solution_path,
 )
 from artiskill.jobs.parallel import run_jobs
@@ -47,6 +48,7 @@ class EpisodeBatch:
         obs_mode: of the environment.
         control_mode: of the environment.
         content_hash: of the object.
+        sampling: of the clouds that the policy sees; None for the full ones, and in other modes.
     """
 
     task: str
@@ -58,6 +60,7 @@ class EpisodeBatch:
     obs_mode: str
     control_mode: str
     content_hash: str
+    sampling: Sampling | None = None
 
     @property
     def label(self) -> str:
@@ -72,7 +75,7 @@ class EpisodeBatch:
 
     def make_env(self, render_mode: str | None = None) -> ManipulationEnv:
         """Make its environment."""
-        return ManipulationEnv(
+        env = ManipulationEnv(
             task=self.task,
             objects=[self.object],
             target=self.target,
@@ -81,6 +84,9 @@ class EpisodeBatch:
             render_mode=render_mode,
             config=self.overrides,
         )
+        if self.sampling is not None:  # the wrapper changes the environment itself, and is not needed afterwards
+            self.sampling.wrap(env)
+        return env
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +97,7 @@ class EvaluationPlan:
         task: with its resolved configuration.
         policy_name: as reports call the policy.
         policy: as `load_policy` takes it.
-        policy_sha256: of a solution file's bytes; else None.
+        policy_sha256: of a solution file's bytes, or of a run's weights; else None.
         obs_mode: of the environments.
         control_mode: of the environments.
         batches: one per row of the report.
@@ -120,7 +126,7 @@ class EvaluationPlan:
     @property
     def is_solution(self) -> bool:
         """Whether the policy is a solution file: code that may do anything to its process."""
-        return self.policy_sha256 is not None
+        return solution_path(self.policy) is not None
 
 
 def plan_evaluation(
@@ -149,28 +155,29 @@ def plan_evaluation(
     resolved = make_task(task, config)
     check_time_limit(load_timeout_s, "for loading a policy")
     actor = inspect_policy(policy, load_timeout_s)
-    obs_mode = _mode("obs_mode", obs_mode, actor) or _DEFAULT_OBS_MODE
-    control_mode = _mode("control_mode", control_mode, actor) or JOINT
+    modes = (
+        _mode("obs_mode", obs_mode, actor) or _DEFAULT_OBS_MODE,
+        _mode("control_mode", control_mode, actor) or JOINT,
+    )
     policy = policy if callable(policy) or hasattr(policy, "act") else str(policy)
     batches = tuple(
-        EpisodeBatch(task, dict(config or {}), item, link, levels, policy, obs_mode, control_mode, content_hash)
+        EpisodeBatch(task, dict(config or {}), item, link, levels, policy, *modes, content_hash, actor.sampling)
         for item, content_hash in [(o, checked_hash(o)) for o in resolve_objects(objects, task=task)]
         for link in _targets(resolved, item, target)
     )
     for batch in batches[: len(batches) if target else 1]:  # a given target must exist on every object
         batch.make_env()
-    return EvaluationPlan(
-        resolved, actor.name, policy, _digest(policy), obs_mode, control_mode, batches, load_timeout_s
-    )
+    return EvaluationPlan(resolved, actor.name, policy, policy_digest(policy), *modes, batches, load_timeout_s)
 
 
 @dataclass(frozen=True)
 class PolicySpec:
-    """What a policy declares: `name`, `obs_mode` and `control_mode` as of `Actor`."""
+    """What a policy declares: as of `Actor`."""
 
     name: str
     obs_mode: str | None
     control_mode: str | None
+    sampling: Sampling | None = None
 
 
 def inspect_policy(policy: Any, load_timeout_s: float = LOAD_TIMEOUT_S) -> PolicySpec:
@@ -178,23 +185,23 @@ def inspect_policy(policy: Any, load_timeout_s: float = LOAD_TIMEOUT_S) -> Polic
 
     Raises:
         UnknownNameError: text that is neither a policy's name nor looks like a Python file.
-        PolicyError: it cannot be loaded in time, or not at all.
+        PolicyError: it cannot be loaded in time, or not at all, or declares what is not legal.
     """
     path = solution_path(policy)
     if path is None:
         return _spec_of(load_policy(policy))
     inspect = partial(_inspect, limit_s=load_timeout_s)
-    return run_jobs(inspect, [str(path)], 1, describe=str, isolated=True, hint=WORKER_HINT)[0]
+    said = run_jobs(inspect, [str(path)], 1, describe=str, isolated=True, hint=WORKER_HINT)[0]
+    return from_mapping(PolicySpec, json.loads(said))
 
 
-def _inspect(path: str, send: Send, limit_s: float) -> PolicySpec:
-    return _spec_of(load_within(path, limit_s, send))
+def _inspect(path: str, send: Send, limit_s: float) -> str:
+    """Return what a solution file declares as plain text, which any process can read."""
+    return json.dumps(to_mapping(_spec_of(load_within(path, limit_s, send))))
 
 
 def _spec_of(actor: Actor) -> PolicySpec:
-    """Return an actor's name and modes as plain text, which any process can read."""
-    said = (actor.name, actor.obs_mode, actor.control_mode)
-    return PolicySpec(*(None if value is None else "".join(value) for value in said))  # type: ignore[arg-type]
+    return PolicySpec(actor.name, actor.obs_mode, actor.control_mode, actor.sampling)
 
 
 def _mode(kind: str, asked: str | None, actor: PolicySpec) -> str | None:
@@ -217,8 +224,3 @@ def _targets(task: Task, item: str | ArticulatedObject, target: str | None) -> t
     if target != ALL_TARGETS:
         return (target,)
     return task.targets(load_object(item) if isinstance(item, str) else item)
-
-
-def _digest(policy: Any) -> str | None:
-    is_file = isinstance(policy, str) and policy not in POLICY_NAMES
-    return hashlib.sha256(Path(policy).read_bytes()).hexdigest() if is_file else None

@@ -1,5 +1,6 @@
 """Policies as evaluation sees them, and those that come with the package."""
 
+import hashlib
 import math
 import os
 import random
@@ -11,10 +12,13 @@ import numpy as np
 
 from artiskill.demos.demonstrator import Demonstrator
 from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ConfigError, UnknownNameError, shown
 from artiskill.evaluation.solution import Solution, read_solution
 from artiskill.experts.registry import Expert, make_expert
+from artiskill.files import is_folder
 from artiskill.jobs.worker import NO_DEADLINE, Deadline, Send
+from artiskill.learning.run import load_run, weights_digest
 from artiskill.tasks.levels import RngStream, level_generator
 
 LOAD_TIMEOUT_S = 120.0  # to run a solution file and construct its policy: weights may be large
@@ -29,11 +33,13 @@ class Actor(Protocol):
         name: how reports and errors call it.
         obs_mode: the observation mode that it needs; None if any will do.
         control_mode: the control mode that its actions are of; None if it can act in any.
+        sampling: of the clouds that it sees; None for the full ones.
     """
 
     name: str
     obs_mode: str | None = None
     control_mode: str | None = None
+    sampling: Sampling | None = None
 
     def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
         """Begin an episode, whose first observation and info these are."""
@@ -122,6 +128,7 @@ class SolutionActor(Actor):
     def __init__(self, solution: Solution) -> None:
         self._solution = solution
         self.name, self.obs_mode, self.control_mode = solution.name, solution.obs_mode, solution.control_mode
+        self.sampling = solution.sampling
 
     def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
         """Begin an episode.
@@ -175,6 +182,7 @@ class TimedActor(Actor):
         self._send(Deadline(f"{self.name}: {what} within {self._limit_s:g} s ({where})", self._limit_s))
 
 
+CHECKPOINT = ".pt"
 _ACTORS: Mapping[str, Callable[[], Actor]] = {
     "expert": ExpertActor,
     "demonstrator": DemonstratorActor,
@@ -185,19 +193,23 @@ POLICY_NAMES = tuple(_ACTORS)
 
 
 def load_policy(policy: Any) -> Actor:
-    """Return the actor of a name, of a solution file, or of a function or `Policy` object.
+    """Return the actor of a name, of a file or folder, or of a function or `Policy` object.
 
     Args:
-        policy: one of `POLICY_NAMES`, the path of a Python file (see docs/evaluation.md), a function
-            (observation) -> action, or an object with `obs_mode`, `reset`, `act` and perhaps `control_mode`.
+        policy: one of `POLICY_NAMES`, the path of a Python file (see docs/evaluation.md) or of the folder of a
+            training run, a function (observation) -> action, or an object with `obs_mode`, `reset`, `act` and
+            perhaps `control_mode` and `sampling`.
 
     Raises:
-        UnknownNameError: text that is neither a policy's name nor looks like a Python file.
-        PolicyError: a solution file, function or object that cannot be used.
+        UnknownNameError: text that is neither a policy's name nor looks like a Python file or a run's folder.
+        PolicyError: a solution file, run, function or object that cannot be used.
+        MissingExtraError: a run without torch.
     """
     path = solution_path(policy)
     if path is not None:
         return SolutionActor(read_solution(path))
+    if is_run(policy):
+        return SolutionActor(Solution.of_object(load_run(policy), str(policy)))
     return _ACTORS[str(policy)]() if isinstance(policy, str | Path) else SolutionActor(Solution.of_object(policy))
 
 
@@ -205,14 +217,30 @@ def solution_path(policy: Any) -> Path | None:
     """Return the file of a policy that is a solution file; None for any other policy.
 
     Raises:
-        UnknownNameError: text that is neither a policy's name nor looks like a Python file.
+        UnknownNameError: text that is neither a policy's name nor looks like a Python file or a run's folder.
     """
-    if not isinstance(policy, str | Path) or str(policy) in _ACTORS:
+    if not isinstance(policy, str | Path) or str(policy) in _ACTORS or is_run(policy):
         return None
     path = Path(policy)
     if path.suffix != ".py" and not os.path.exists(path):
-        raise UnknownNameError("policy", str(policy), POLICY_NAMES, "Also legal: the path of a file solution.py.")
+        hint = "Also legal: the path of a file solution.py, or the folder of a training run."
+        raise UnknownNameError("policy", str(policy), POLICY_NAMES, hint)
     return path
+
+
+def is_run(policy: Any) -> bool:
+    """Whether a policy is the folder of a training run, or a checkpoint in it."""
+    if not isinstance(policy, str | Path) or str(policy) in _ACTORS:
+        return False
+    return is_folder(policy) or Path(policy).suffix == CHECKPOINT
+
+
+def policy_digest(policy: Any) -> str | None:
+    """Return the SHA-256 of a solution file, or of a run's weights; None for other policies."""
+    if is_run(policy):
+        return weights_digest(Path(policy))
+    path = solution_path(policy)
+    return None if path is None else hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def load_within(policy: Any, limit_s: float, send: Send) -> Actor:

@@ -16,6 +16,7 @@ from typing import Any
 
 from artiskill.config import dump_yaml, to_mapping
 from artiskill.demos.demonstrator import fault_kind
+from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ConfigError
 from artiskill.evaluation.plan import EvaluationPlan
 from artiskill.files import check_output_folder, lock_folder, output_path
@@ -117,9 +118,10 @@ class Report:
     Attributes:
         task: name of the task.
         policy: name or path of the policy.
-        policy_sha256: of a solution file's bytes; else None.
+        policy_sha256: of a solution file's bytes, or of a run's weights; else None.
         obs_mode: of its observations.
         control_mode: of its actions.
+        sampling: of the clouds that it saw; None for the full ones, and in other modes.
         levels: first and last.
         total: over all episodes.
         rows: one per object, or per object and target.
@@ -134,6 +136,7 @@ class Report:
     policy_sha256: str | None
     obs_mode: str
     control_mode: str
+    sampling: Sampling | None
     levels: tuple[int, int]
     total: EpisodeStatistics
     rows: tuple[ObjectRow, ...]
@@ -155,6 +158,7 @@ class Report:
             "policy_sha256": self.policy_sha256,
             "obs_mode": self.obs_mode,
             "control_mode": self.control_mode,
+            "sampling": to_mapping(self.sampling),
             "levels": list(self.levels),
             **to_mapping(self.total),
             "objects": [row.to_mapping() for row in self.rows],
@@ -184,6 +188,7 @@ def make_report(
         policy_sha256=plan.policy_sha256,
         obs_mode=plan.obs_mode,
         control_mode=plan.control_mode,
+        sampling=plan.batches[0].sampling,
         levels=(levels[0], levels[-1]),
         total=summarize(episodes),
         rows=tuple(

@@ -16,9 +16,11 @@ from typing import Any
 
 import numpy as np
 
+from artiskill.config import from_mapping, to_mapping
 from artiskill.envs.control import CONTROL_MODES, JOINT
 from artiskill.envs.options import OBSERVATION_MODES
-from artiskill.errors import PolicyError, UnknownNameError, shown
+from artiskill.envs.wrappers import Sampling
+from artiskill.errors import ArtiSkillError, PolicyError, UnknownNameError, shown
 from artiskill.files import read_bytes
 
 LEGAL_FORMS = (
@@ -39,6 +41,7 @@ class Solution:
         obs_mode: the observation mode that it needs; None if any will do.
         act_name: how the author calls `act`.
         control_mode: the control mode that its actions are of; None if they may be of any.
+        sampling: of the clouds that it sees; None for the full ones.
     """
 
     def __init__(
@@ -49,17 +52,18 @@ class Solution:
         obs_mode: str | None,
         act_name: str,
         control_mode: str | None = None,
+        sampling: Sampling | None = None,
     ) -> None:
-        self.name, self.obs_mode, self.control_mode = name, obs_mode, control_mode
+        self.name, self.obs_mode, self.control_mode, self.sampling = name, obs_mode, control_mode, sampling
         self._reset, self._act, self._act_name = reset, act, act_name
         self._where, self._step = "", 0
 
     @classmethod
     def of_object(cls, policy: Any, name: str | None = None) -> "Solution":
-        """Wrap a function or an object with `obs_mode`, `reset` and `act`, and perhaps `control_mode`.
+        """Wrap a function or an object with `obs_mode`, `reset`, `act`, perhaps `control_mode` and `sampling`.
 
         Raises:
-            PolicyError: it is neither, or its `obs_mode` or `control_mode` is unknown.
+            PolicyError: it is neither, or its `obs_mode` or `control_mode` is unknown, or its `sampling` illegal.
         """
         name = name or str(getattr(policy, "__name__", type(policy).__name__))
         missing = [member for member in _MEMBERS if not hasattr(policy, member)]
@@ -76,7 +80,8 @@ class Solution:
             raise PolicyError(f"{name}: {UnknownNameError('obs_mode', policy.obs_mode, OBSERVATION_MODES)}")
         if control_mode not in (None, *CONTROL_MODES):
             raise PolicyError(f"{name}: {UnknownNameError('control_mode', control_mode, CONTROL_MODES)}")
-        return cls(name, policy.reset, policy.act, policy.obs_mode, "act", control_mode)
+        sampling = _sampling_of(policy, name)
+        return cls(name, policy.reset, policy.act, policy.obs_mode, "act", control_mode, sampling)
 
     def reset(self, observation: Any, info: dict[str, Any]) -> None:
         """Begin an episode; Python's and NumPy's global generators then start from the level.
@@ -138,6 +143,23 @@ def read_solution(path: Path) -> Solution:
         kind = type(policy_class).__name__
         raise PolicyError(f"{name}: 'Policy' is {kind!r}, not a class; {LEGAL_FORMS}")
     return Solution.of_object(_guarded(policy_class, name, "Policy() raised"), name)
+
+
+def _sampling_of(policy: Any, name: str) -> Sampling | None:
+    """Return the `sampling` of a policy's object, where it has one.
+
+    Raises:
+        PolicyError: it is no mapping with the arguments of `PointCloudDownsample`, or not for clouds.
+    """
+    given = getattr(policy, "sampling", None)
+    if given is None:
+        return None
+    if policy.obs_mode != "pointcloud":
+        raise PolicyError(f"{name}: sampling is for obs_mode 'pointcloud', not for {policy.obs_mode!r}")
+    try:
+        return from_mapping(Sampling, to_mapping(given), "sampling")
+    except ArtiSkillError as error:
+        raise PolicyError(f"{name}: {error}") from error
 
 
 def _import_file(path: Path) -> ModuleType:
