@@ -4,13 +4,16 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
+from numba.core.errors import NumbaError
 
 from artiskill.geometry import kernel_cache
-from artiskill.geometry.kernel import inlined_kernel, kernel
+from artiskill.geometry.kernel import allocating_kernel, inlined_kernel, kernel, structure_kernel
 from artiskill.geometry.kernel_cache import sources_digest
 
 # compiles one kernel that calls others; prints how many functions were compiled, and what it computes
@@ -136,3 +139,95 @@ def test_a_kernel_is_called_from_python_and_from_kernels(monkeypatch: pytest.Mon
     single = np.array([1.0], dtype=np.float32)
     _accumulate(single, 0.5)
     assert single.tolist() == [1.5]
+
+
+class _Pair(NamedTuple):
+    left: np.ndarray
+    right: np.ndarray
+
+
+@structure_kernel
+def _pair_at(pairs: _Pair, k: int) -> _Pair:
+    return _Pair(pairs.left[k], pairs.right[k])
+
+
+@kernel
+def _add_pair(pairs: _Pair, k: int) -> None:
+    pair = _pair_at(pairs, k)
+    for i in range(pair.left.shape[0]):
+        pair.left[i] += pair.right[i]
+
+
+@allocating_kernel
+def _doubled(values: np.ndarray) -> np.ndarray:
+    twice = np.empty(values.shape[0])
+    for i in range(values.shape[0]):
+        twice[i] = _scaled(values[i], 2.0)
+    return twice
+
+
+@allocating_kernel
+def _summed_twice(values: np.ndarray) -> float:
+    return _doubled(values).sum()
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_structures_and_new_arrays_live_as_long_as_they_are_used() -> None:
+    pairs = _Pair(np.arange(6.0).reshape(2, 3), np.ones((2, 3)))
+    held = sys.getrefcount(pairs.left)
+    for _ in range(3):
+        _add_pair(pairs, 1)
+        second = _pair_at(pairs, 1).left.tolist()
+    held_now = sys.getrefcount(pairs.left)
+    assert second == [6.0, 7.0, 8.0]
+    assert held_now == held
+    assert _doubled(np.arange(3.0)).tolist() == [0.0, 2.0, 4.0]
+    assert _summed_twice(np.arange(3.0)) == 6.0
+
+
+_ONES = _Pair(np.ones((1, 1)), np.ones((1, 1)))
+
+
+def _making_one(count: int) -> float:
+    return np.empty(count)[0]
+
+
+def _handing_out(pairs: _Pair) -> _Pair:
+    return _Pair(pairs.right, pairs.left)
+
+
+def _calling_one_that_allocates(values: np.ndarray) -> float:
+    return _doubled(values)[0]
+
+
+def _allocating_over_structures(pairs: _Pair) -> float:
+    return _pair_at(pairs, 0).left[0] + np.empty(1)[0]
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize(
+    ("decorate", "function", "given", "why"),
+    [
+        (kernel, _making_one, 3, "Only accept returning of array passed"),
+        (kernel, _handing_out, _ONES, "allocating_kernel or a structure_kernel"),
+        (kernel, _calling_one_that_allocates, np.ones(3), "_doubled returns arrays"),
+        (allocating_kernel, _allocating_over_structures, _ONES, "_pair_at returns arrays"),
+    ],
+)
+def test_arrays_whose_references_nobody_counts_are_refused(
+    decorate: Callable, function: Callable, given: object, why: str
+) -> None:
+    with pytest.raises(NumbaError, match=why):
+        decorate(function)(given)
+
+
+@kernel
+def _with_numbers(values: np.ndarray) -> float:
+    return _scaled(values[0], 1) + _scaled(values[0], 2) + _scaled(values[0], 3)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_numbers_written_out_are_compiled_once() -> None:
+    known = len(_scaled.within.overloads)
+    assert _with_numbers(np.ones(1)) == 6.0
+    assert len(_scaled.within.overloads) == known + 1

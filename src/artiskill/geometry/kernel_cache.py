@@ -30,7 +30,8 @@ from numba.core.compiler_lock import global_compiler_lock
 
 _PACKAGE = Path(__file__).parents[1]
 # what a source of compiled code contains
-_MARKERS = (b"@kernel", b"@inlined_kernel", b"@intrinsic", b"_SubroutineLowering")
+_KINDS = (b"@kernel", b"@inlined_kernel", b"@structure_kernel", b"@allocating_kernel")
+_MARKERS = (*_KINDS, b"@intrinsic", b"_SubroutineLowering")
 # folders of other states of the sources that are kept: of other environments, other branches
 _OTHERS_KEPT = 7
 # a process that compiles for longer than this was stopped, or its machine is: others stop waiting

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from artiskill.geometry.arrays import matmul
-from artiskill.geometry.kernel import kernel
+from artiskill.geometry.kernel import allocating_kernel, kernel
 from artiskill.robots.arm_config import load_arm
 from artiskill.robots.config import RobotConfig
 
@@ -101,7 +101,7 @@ def load_kernels() -> None:
         convert(rates, jacobian, np.zeros((1, 1, TWIST + 1 + FINGERS)))
 
 
-@kernel
+@allocating_kernel
 def _twist_to_joints(rates: Any, jacobian: Any, out: Any) -> None:
     """Fill the first seven of `out` (B, A, 9) from twists and null rates (B, A, 7)."""
     null, gram, y = np.empty(TWIST + 1), np.empty((TWIST, TWIST)), np.empty(TWIST)
@@ -124,7 +124,7 @@ def _twist_to_joints(rates: Any, jacobian: Any, out: Any) -> None:
                     out[b, a, k] += jac[i, k] * y[i]
 
 
-@kernel
+@allocating_kernel
 def _joints_to_twist(rates: Any, jacobian: Any, out: Any) -> None:
     """Fill the first seven of `out` (B, A, 9) from joint velocities (B, A, 7)."""
     null = np.empty(TWIST + 1)
@@ -141,7 +141,7 @@ def _joints_to_twist(rates: Any, jacobian: Any, out: Any) -> None:
                 out[b, a, TWIST] += null[k] * rates[b, a, k]
 
 
-@kernel
+@allocating_kernel
 def null_motion(jac: Any, null: Any) -> None:
     """Unit vector (7,) that a Jacobian (6, 7) maps to zero: its signed minors, so that it changes smoothly."""
     minor = np.empty((TWIST, TWIST))
@@ -157,7 +157,7 @@ def null_motion(jac: Any, null: Any) -> None:
         null[k] = null[k] / length if length > 0.0 else 0.0
 
 
-@kernel
+@allocating_kernel
 def damp(gram: Any) -> None:
     """Add what keeps J J' (6, 6) far from singular, and nothing where it is far."""
     manipulability = np.sqrt(max(determinant(gram.copy()), 0.0))

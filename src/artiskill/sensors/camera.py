@@ -9,7 +9,7 @@ import numpy as np
 
 from artiskill.config import check
 from artiskill.errors import ConfigError, shown
-from artiskill.geometry.kernel import Array, kernel
+from artiskill.geometry.kernel import Array, structure_kernel
 
 # sides below this (relative to unit vectors) count as parallel: the view direction and `up` then fix no roll
 _PARALLEL = 1e-6
@@ -220,7 +220,7 @@ class View(NamedTuple):
     lens: Array
 
 
-@kernel
+@structure_kernel
 def view_at(views: Views, k: int) -> View:
     """Return camera k."""
     return View(views.positions[k], views.rotations[k], views.lenses[k])

@@ -9,7 +9,7 @@ import numpy as np
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.config import check_not_negative, check_positive
 from artiskill.geometry.arrays import Array, amin, arccos, clip, dot, namespace, norm, rotate, total
-from artiskill.geometry.kernel import kernel
+from artiskill.geometry.kernel import allocating_kernel
 from artiskill.geometry.meshes import sample_surface, triangle_areas
 from artiskill.scene.scene import Scene
 from artiskill.sim.snapshot import Snapshot
@@ -221,7 +221,7 @@ def fingertip_distance_reference(tips: Array, position_w: Array, rotation_w: Arr
     return xp.mean(xp.sqrt(amin(dot(gap, gap))), axis=-1)
 
 
-@kernel
+@allocating_kernel
 def _fingertip_distance_kernel(
     tips: Any, position_w: Any, rotation_w: Any, points: Any, link: Any, distance: Any
 ) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from artiskill.geometry.arrays import Array, amax, amin, arccos, clip, dot, matmul, namespace
-from artiskill.geometry.kernel import kernel
+from artiskill.geometry.kernel import allocating_kernel, kernel
 from artiskill.geometry.meshes import depth_inside
 
 # Five points along the fingers' mid-line, as weights of the ends (start, tip) of the two fingers' lines.
@@ -42,7 +42,7 @@ def grasp_trace_reference(link_w: Array, hand_w: Array, grasps: Array) -> Array:
     return amax(dot(xp.reshape(hand, (-1, 1, 9)), xp.reshape(grasps, (*grasps.shape[:2], 9))))
 
 
-@kernel
+@allocating_kernel
 def _grasp_trace_kernel(link_w: Any, hand_w: Any, grasps: Any, trace: Any) -> None:
     """Fill `trace` (B,); the other arguments as in `grasp_trace_reference`."""
     hand = np.empty((3, 3))
@@ -101,7 +101,7 @@ def finger_distances_reference(
     return distance, amax(depth_inside(planes, samples))
 
 
-@kernel
+@allocating_kernel
 def _finger_distances_kernel(
     lines_w: Any,
     origin_w: Any,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from artiskill.geometry.kernel import Array, kernel
+from artiskill.geometry.kernel import Array, allocating_kernel, kernel, structure_kernel
 from artiskill.sensors.camera import View
 from artiskill.sensors.drawing.buffers import ViewBuffers
 from artiskill.sensors.drawing.scene_tables import SceneTables
@@ -36,7 +36,7 @@ class Backdrop(NamedTuple):
     floor: Array
 
 
-@kernel
+@structure_kernel
 def find_backdrop(view: View, has_floor: bool, buffers: ViewBuffers) -> Backdrop:
     """Return the backdrop of a view; its `floor` and numbers are written into the view's buffers, too."""
     lens, rotation, floor, width = view.lens, view.rotation, buffers.floor, buffers.triangle.shape[1]
@@ -60,7 +60,7 @@ def find_backdrop(view: View, has_floor: bool, buffers: ViewBuffers) -> Backdrop
     return Backdrop(corner, per_column, per_row, farthest, floor)
 
 
-@kernel
+@structure_kernel
 def backdrop_of(buffers: ViewBuffers) -> Backdrop:
     """Return the backdrop that was found for a view."""
     numbers = buffers.backdrop
@@ -149,7 +149,7 @@ class Channels(NamedTuple):
     part: Array
 
 
-@kernel
+@allocating_kernel
 def resolve_geometry(k: int, scene: SceneTables, view: View, buffers: ViewBuffers, out: Channels) -> None:
     """Write depth, positions and ids of view k, those that were asked for."""
     if out.depth.size > 0:
@@ -179,10 +179,10 @@ def resolve_depth(first: int, buffers: ViewBuffers, depth: Array) -> None:
         row = first + i
         begin, end = drawn[row, 0], drawn[row, 1]
         drawn_depth(inverse_depth[row, begin:end], triangle[row, begin:end], depth[i, begin:end])
-        for side in range(2):  # one call for left and right: a literal 0 would be compiled for itself
-            first_column, last_column = (0, begin) if side == 0 else (end, width)
-            if first_column < last_column:
-                backdrop_depth(backdrop, row, first_column, last_column, depth[i])
+        if begin > 0:
+            backdrop_depth(backdrop, row, 0, begin, depth[i])
+        if end < width:
+            backdrop_depth(backdrop, row, end, width, depth[i])
 
 
 @kernel

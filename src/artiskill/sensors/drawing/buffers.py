@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from artiskill.geometry.kernel import Array, kernel
+from artiskill.geometry.kernel import Array, structure_kernel
 from artiskill.sensors.drawing.scene_tables import SceneTables
 from artiskill.sensors.drawing.simd import LANES
 
@@ -24,6 +24,7 @@ class ViewBuffers(NamedTuple):
         drawn: (H, 2) int64 columns of each row where the two have values, from the first to before the second.
         backdrop: (4,) float64 numbers of the view's `Backdrop`.
         floor: (H, 2) int64, see `Backdrop`.
+        line: (W + LANES, 3) uint8 colours of a row without faces.
         camera: (V, 3) float64 vertices as right, up, depth in the camera's frame.
         face_state: (F,) uint8, see `fast_shading`; all `UNSEEN` between views.
         face_planes: (F, 5, 3) float32 red, green, blue, u, v: see `set_up_faces`.
@@ -38,6 +39,7 @@ class ViewBuffers(NamedTuple):
     drawn: Array
     backdrop: Array
     floor: Array
+    line: Array
     camera: Array
     face_state: Array
     face_planes: Array
@@ -69,7 +71,9 @@ class Scratch(NamedTuple):
         lit: of the view that is set up.
         projected: (V, 3) float64 vertices as screen x, y and inverse depth.
         candidates: (F + 1,) int32 faces to draw.
+        clipped: (4, 3) float64 corners of a face that reaches before the near plane, as `projected`.
         textured: (H * W,) int32 runs that show textured faces.
+        coordinates: (3, W) float32 x, y and z of a row's points.
         depth: (C, BAND_ROWS * W + LANES) float32 metres of some rows.
         rgb: (C, BAND_ROWS * W + LANES, 3) uint8 colours of these.
     """
@@ -78,7 +82,9 @@ class Scratch(NamedTuple):
     lit: LitPoints
     projected: Array
     candidates: Array
+    clipped: Array
     textured: Array
+    coordinates: Array
     depth: Array
     rgb: Array
 
@@ -179,6 +185,7 @@ def allocate_scratch(views: int, height: int, width: int, vertices: int, faces: 
             drawn=np.zeros((views, height, 2), dtype=np.int64),
             backdrop=np.empty((views, 4)),
             floor=np.zeros((views, height, 2), dtype=np.int64),
+            line=np.empty((views, width + LANES, 3), dtype=np.uint8),
             camera=np.zeros((views, vertices, 3)),
             face_state=np.zeros((views, faces), dtype=np.uint8),
             face_planes=np.empty((views, faces, 5, 3), dtype=np.float32),
@@ -194,7 +201,9 @@ def allocate_scratch(views: int, height: int, width: int, vertices: int, faces: 
         ),
         projected=np.zeros((vertices, 3)),
         candidates=np.empty(faces + 1, dtype=np.int32),  # one more: the last is written before it is counted
+        clipped=np.empty((4, 3)),
         textured=np.empty(pixels, dtype=np.int32),
+        coordinates=np.empty((3, width), dtype=np.float32),
         depth=np.zeros((views, band), dtype=np.float32),
         rgb=np.empty((views, band, 3), dtype=np.uint8),
     )
@@ -218,7 +227,7 @@ def _allocate_samples(count: int) -> Samples:
 _kept = _Kept()
 
 
-@kernel
+@structure_kernel
 def buffers_at(views: ViewBuffers, k: int) -> ViewBuffers:
     """Return one view's buffers."""
     return ViewBuffers(
@@ -227,6 +236,7 @@ def buffers_at(views: ViewBuffers, k: int) -> ViewBuffers:
         views.drawn[k],
         views.backdrop[k],
         views.floor[k],
+        views.line[k],
         views.camera[k],
         views.face_state[k],
         views.face_planes[k],

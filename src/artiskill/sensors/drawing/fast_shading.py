@@ -1,8 +1,7 @@
 """Fast shading for observations: light at the corners (Gouraud 1971), one sample per pixel, no shadows.
 
 Three steps per view: list runs of neighbouring pixels that show one face and the faces that are seen, set each
-face up, colour the pixels. The arrays of a scene are taken out of their tuples once per step: Numba counts
-references each time, which inside a loop would cost more than the work.
+face up, colour the pixels.
 """
 
 import numpy as np
@@ -234,8 +233,7 @@ def paint_rows(
     """
     state, planes, floor = buffers.face_state, buffers.face_planes, buffers.floor
     runs, row_runs, width = buffers.runs, buffers.row_runs, buffers.triangle.shape[1]
-    ids = buffers.triangle.reshape(-1)
-    line = np.empty((width + LANES, 3), dtype=np.uint8)  # a row without faces
+    ids, line = buffers.triangle.reshape(-1), buffers.line
     line_start, line_end, left = -1, -1, 0
     centre_x, centre_y, per_px = image_axes(lens)
     for row in range(first, first + rows):

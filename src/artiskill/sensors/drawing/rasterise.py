@@ -41,7 +41,7 @@ def draw_view(
     """
     inverse_depth, triangle, drawn, camera = buffers.inverse_depth, buffers.triangle, buffers.drawn, buffers.camera
     positions, rotations = pose.positions, pose.rotations
-    projected, candidates = scratch.projected, scratch.candidates
+    projected, candidates, clipped = scratch.projected, scratch.candidates, scratch.clipped
     height, width = inverse_depth.shape
     whole = (0.0, float(width), 0.0, float(height))
     backdrop = find_backdrop(view, has_floor, buffers)
@@ -69,8 +69,7 @@ def draw_view(
                 if covers_centres(a, b, c, scene.two_sided[t], height, width):
                     fill_rows(downwards(a, b, c), depth_plane(a, b, c), t, inverse_depth, triangle)
             elif a[2] > 0.0 or b[2] > 0.0 or c[2] > 0.0:
-                clipped = clip_near(camera, face, view.lens)
-                for n in range(2, clipped.shape[0]):
+                for n in range(2, clip_near(camera, face, view.lens, clipped)):
                     a, b, c = point(clipped, 0), point(clipped, n - 1), point(clipped, n)
                     scan_convert(a, b, c, t, scene.two_sided[t], inverse_depth, triangle)
 
@@ -186,10 +185,9 @@ def list_front_faces(
 
 
 @kernel
-def clip_near(camera: Array, face: tuple[int, int, int], lens: Array) -> Array:
-    """Clip a triangle at the near plane (Sutherland and Hodgman 1974) and project it: (3 or 4, 3)."""
+def clip_near(camera: Array, face: tuple[int, int, int], lens: Array, clipped: Array) -> int:
+    """Clip a triangle at the near plane (Sutherland and Hodgman 1974) and project it; return how many corners."""
     near = lens[3]
-    clipped = np.empty((4, 3))
     count = 0
     for i in range(3):
         start, end = face[i], face[(i + 1) % 3]
@@ -210,7 +208,7 @@ def clip_near(camera: Array, face: tuple[int, int, int], lens: Array) -> Array:
         clipped[i, 0] = lens[1] + lens[0] * w * clipped[i, 0]
         clipped[i, 1] = lens[2] - lens[0] * w * clipped[i, 1]
         clipped[i, 2] = w
-    return clipped[:count]
+    return count
 
 
 @kernel

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from artiskill.geometry.kernel import Array, kernel
+from artiskill.geometry.kernel import Array, kernel, structure_kernel
 from artiskill.sensors.camera import View, Views, view_at
 from artiskill.sensors.drawing.backdrop import Channels, fill_rest, resolve_depth, resolve_geometry
 from artiskill.sensors.drawing.buffers import BAND_ROWS, Scratch, buffers_at
@@ -68,7 +68,7 @@ def render_views(
         resolve_geometry(k, scene, view, buffers, out)
 
 
-@kernel
+@structure_kernel
 def pose_at(poses: Poses, env: int) -> Poses:
     """Return the poses of one environment."""
     return Poses(poses.positions[env], poses.rotations[env])

@@ -40,13 +40,15 @@ def mask_codes(masks: np.ndarray) -> np.ndarray:
 
 @kernel
 def classify_view(
-    camera: int, buffers: ViewBuffers, face_geom: Array, codes: Array, views: Views, out: Array
+    camera: int, buffers: ViewBuffers, face_geom: Array, codes: Array, views: Views, line: Array, out: Array
 ) -> None:
-    """Write a byte per pixel of one view, see `RasterBuffers.classify`; 0 to begin with."""
+    """Write a byte per pixel of one view, see `RasterBuffers.classify`; 0 to begin with.
+
+    `line` (W,) float32 is overwritten.
+    """
     ground = np.float32(GROUND_HEIGHT_M)
     triangle, inverse_depth, drawn, rights = buffers.triangle, buffers.inverse_depth, buffers.drawn, views.rights
     height, width = triangle.shape
-    line = np.empty(width, dtype=np.float32)
     for row in range(height):
         column, end = drawn[row, 0], drawn[row, 1]
         ray, along, origin = row_ray(views, camera, row, 2)
@@ -101,11 +103,13 @@ def positions_of_pixels(pixels: Array, views: Views, inverse_depth: Array, xyz: 
 
 
 @kernel
-def unproject_rows(depth: Array, views: Views, camera: int, top: int, xyz: Array) -> None:
-    """Write all points of some rows of a camera: depths (R, W) from row `top` on, to (R, W, 3) float32 world."""
+def unproject_rows(depth: Array, views: Views, camera: int, top: int, line: Array, xyz: Array) -> None:
+    """Write all points of some rows of a camera: depths (R, W) from row `top` on, to (R, W, 3) float32 world.
+
+    `line` (3, W) float32 is overwritten.
+    """
     rows, width = depth.shape
     rights = views.rights[camera]
-    line = np.empty((3, width), dtype=np.float32)
     for row in range(rows):
         for k in range(3):
             ray, along, origin = row_ray(views, camera, top + row, k)

@@ -136,7 +136,7 @@ def write_cloud(inputs: RenderInputs, codes: Array, scratch: Scratch, out: Cloud
             colour_rows(camera, top, rows, scene, view, light, inputs.picture, scratch)
             copy(scratch.rgb[camera, : rows * width].reshape(-1), rgb[camera, top:].reshape(-1))
             depth = scratch.depth[camera, : rows * width].reshape(rows, width)
-            unproject_rows(depth, views, camera, top, xyz[camera, top : top + rows])
+            unproject_rows(depth, views, camera, top, scratch.coordinates, xyz[camera, top : top + rows])
         buffers = buffers_at(scratch.views, camera)
         masks = seg[camera].reshape(height * width, seg.shape[3])
         mask_runs(buffers, scene.face_geom, codes, masks)
@@ -209,7 +209,7 @@ def classify_views(inputs: RenderInputs, codes: Array, scratch: Scratch, classes
     for camera in range(classes.shape[0]):
         buffers = buffers_at(scratch.views, camera)
         draw_view(scene, pose, view_at(views, camera), inputs.light.has_floor, buffers, scratch)
-        classify_view(camera, buffers, scene.face_geom, codes, views, classes[camera])
+        classify_view(camera, buffers, scene.face_geom, codes, views, scratch.coordinates[0], classes[camera])
 
 
 @kernel

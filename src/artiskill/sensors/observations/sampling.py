@@ -13,14 +13,14 @@ import numpy as np
 
 from artiskill.config import check, from_mapping
 from artiskill.errors import check_name, shown
-from artiskill.geometry.kernel import Array, kernel
+from artiskill.geometry.kernel import Array, allocating_kernel, kernel
 from artiskill.sensors.observations.point_cloud import COUNTS, MOST_MASKS, classify_points
 
 # multipliers of Teschner et al. (2003) for hashing cells of a grid
 _HASH_X, _HASH_Y, _HASH_Z = 73856093, 19349663, 83492791
 
 
-@kernel
+@allocating_kernel
 def choose_by_mask(codes: Array, per_mask: int, masked_total: int, total: int, uniforms: Array) -> Array:
     """Some points of each mask, then masked ones up to `masked_total`, then unmasked ones up to `total`.
 
@@ -63,7 +63,7 @@ def choose_by_mask(codes: Array, per_mask: int, masked_total: int, total: int, u
     return chosen[: count + others.shape[0]]
 
 
-@kernel
+@allocating_kernel
 def points_that_count(codes: Array) -> Array:
     """Indices (M,) int32 of the bytes that are not 0. Eight at a time: most of a picture is ground."""
     found = np.empty(codes.shape[0], dtype=np.int32)
@@ -82,7 +82,7 @@ def points_that_count(codes: Array) -> Array:
     return found[:count]
 
 
-@kernel
+@allocating_kernel
 def split_by_mask(codes: Array, candidates: Array) -> tuple[Array, Array, int]:
     """The candidates in some mask, the others, both int32, and the bits of all masks that occur."""
     masked, unmasked = np.empty_like(candidates), np.empty_like(candidates)
@@ -99,7 +99,7 @@ def split_by_mask(codes: Array, candidates: Array) -> tuple[Array, Array, int]:
     return masked[:in_mask], unmasked[:outside], occurring
 
 
-@kernel
+@allocating_kernel
 def choose_uniformly(candidates: Array, uniforms: Array) -> Array:
     """As many of the candidates as there are uniform numbers, or all, in random order (Fisher and Yates)."""
     pool = candidates.copy()
@@ -114,7 +114,7 @@ def choose_uniformly(candidates: Array, uniforms: Array) -> Array:
     return chosen
 
 
-@kernel
+@allocating_kernel
 def first_of_each_voxel(xyz: Array, voxel_m: float) -> Array:
     """Indices (M,) int32 of the first point in each occupied cube of a grid, by a hash table."""
     slots = 1024
@@ -146,7 +146,7 @@ def cell_of(coordinate: float, voxel_m: float) -> int:
     return math.floor(np.float64(coordinate) / voxel_m)
 
 
-@kernel
+@allocating_kernel
 def choose_farthest(xyz: Array, count: int) -> Array:
     """Indices (M,) int32 of farthest point sampling, from point 0; M is the lesser of `count` and the points."""
     size = xyz.shape[0]
