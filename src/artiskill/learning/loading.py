@@ -1,0 +1,186 @@
+"""`BatchLoader`: batches of a training set, read ahead in threads; batch i depends on the seed and i alone."""
+
+from collections import deque
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import NamedTuple, Self
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from artiskill.config import check
+from artiskill.errors import DemoError
+from artiskill.learning.batch import Batch, Observation
+from artiskill.learning.observation import REAL, ObservationLayout
+from artiskill.learning.training_set import TrainingSet
+
+_AHEAD = 8  # batches that are read before they are asked for
+_READERS = 4  # threads: a disk answers several at once
+
+
+class StepSampler:
+    """Draws steps: groups of object and target alike, the steps of a group alike.
+
+    Args:
+        training_set: whose steps are drawn.
+        seed: of the draws.
+        disturbed: also steps whose action was disturbed.
+
+    Raises:
+        DemoError: there is no step to draw.
+    """
+
+    def __init__(self, training_set: TrainingSet, seed: int, disturbed: bool = False) -> None:
+        steps = training_set.steps
+        legal = np.arange(len(steps)) if disturbed else np.flatnonzero(~steps["disturbed"])
+        if not len(legal):
+            raise DemoError(f"{str(training_set.folder)!r} has no step to learn from")
+        groups = training_set.group_of_trajectory[steps["trajectory"][legal]]
+        counts = np.bincount(groups)
+        self._seed = seed
+        self._steps = legal[np.argsort(groups, kind="stable")]  # by group
+        self._counts = counts[counts > 0]
+        self._starts = np.cumsum(self._counts) - self._counts
+
+    def draw(self, batch: int, size: int) -> np.ndarray:
+        """Return the steps (size,) of the batch with a number.
+
+        Every group occurs as often as any other, or once more.
+        """
+        rng = np.random.Generator(np.random.Philox(key=self._seed, counter=[0, 0, 0, batch]))
+        count = len(self._counts)
+        rounds = rng.random((-(-size // count), count)).argsort(axis=1, kind="stable")
+        groups = rounds.reshape(-1)[:size]
+        within = (rng.random(size) * self._counts[groups]).astype(np.int64)
+        found: np.ndarray = self._steps[self._starts[groups] + within]
+        return found
+
+
+class _Raw(NamedTuple):
+    """A batch as it was read."""
+
+    records: Tensor  # (B, 1 or 2, bytes) uint8
+    action: Tensor
+    weight: Tensor
+    reward: Tensor
+    terminated: Tensor
+
+
+class BatchLoader:
+    """An endless iterator of batches; a context manager that ends its threads.
+
+    Resuming needs no state: a loader with `start_step=i` goes on with batch i.
+
+    Args:
+        training_set: read from.
+        batch_size: steps of a batch, those of all ranks together.
+        seed: of what is drawn.
+        needs_next: also read what is seen next; disturbed steps are then drawn too, with weight 0.
+        rank: of this process, which gets rows `rank`, `rank + world_size`, ... of each batch.
+        world_size: number of processes.
+        start_step: number of the first batch.
+        device: where the batches go.
+
+    Raises:
+        ConfigError: an illegal number.
+        DemoError: the set has no step to learn from, or cannot be read.
+    """
+
+    def __init__(
+        self,
+        training_set: TrainingSet,
+        batch_size: int,
+        seed: int,
+        needs_next: bool = False,
+        rank: int = 0,
+        world_size: int = 1,
+        start_step: int = 0,
+        device: torch.device | str = "cpu",
+    ) -> None:
+        check(batch_size >= 1, f"the batch size must be at least 1, not {batch_size}")
+        check(0 <= rank < world_size, f"the rank must lie in [0, {world_size - 1}], not {rank}")
+        check(
+            batch_size % world_size == 0,
+            f"a batch of {batch_size} cannot be split among {world_size} processes alike; choose a multiple",
+        )
+        check(start_step >= 0, f"the first batch's number must be at least 0, not {start_step}")
+        self._set, self._size, self._next = training_set, batch_size, start_step
+        self._needs_next, self._rank, self._ranks = needs_next, rank, world_size
+        self._device = torch.device(device)
+        self._sampler = StepSampler(training_set, seed, disturbed=needs_next)
+        self._pool = ThreadPoolExecutor(_READERS, "artiskill-loader")
+        self._waiting: deque[Future[_Raw | Batch]] = deque()
+
+    def __iter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __next__(self) -> Batch:
+        """Return the next batch."""
+        while len(self._waiting) < _AHEAD:
+            self._waiting.append(self._pool.submit(self._read, self._next))
+            self._next += 1
+        found = self._waiting.popleft().result()
+        return found if isinstance(found, Batch) else self._decode(found)
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """End the threads."""
+        self.close()
+
+    def close(self) -> None:
+        """End the threads; what they have read is lost."""
+        self._pool.shutdown(wait=True, cancel_futures=True)
+        self._waiting.clear()
+
+    def _read(self, number: int) -> _Raw | Batch:
+        rows = self._sampler.draw(number, self._size)[self._rank :: self._ranks]
+        steps = self._set.steps[rows]
+        records = self._set.read(steps["frame"], int(self._needs_next))
+        as_bytes = records.view(np.uint8).reshape(*records.shape, -1)
+        raw = _Raw(
+            records=torch.from_numpy(as_bytes),
+            action=torch.from_numpy(np.ascontiguousarray(steps["action"])),
+            weight=torch.from_numpy((~steps["disturbed"]).astype(np.float32)),
+            reward=torch.from_numpy(np.ascontiguousarray(steps["reward"])),
+            terminated=torch.from_numpy(steps["terminated"].astype(np.float32)),
+        )
+        if self._device.type == "cuda":  # decoded there: fewer bytes travel
+            return _Raw(*(one.pin_memory() for one in raw))
+        return self._decode(raw)
+
+    def _decode(self, raw: _Raw) -> Batch:
+        if self._device.type != "cpu":
+            raw = _Raw(*(one.to(self._device, non_blocking=True) for one in raw))
+        layout = self._set.layout
+        return Batch(
+            observation=decode(raw.records[:, 0], layout),
+            action=raw.action,
+            weight=raw.weight,
+            reward=raw.reward,
+            terminated=raw.terminated,
+            next_observation=decode(raw.records[:, 1], layout) if self._needs_next else None,
+        )
+
+
+def decode(records: Tensor, layout: ObservationLayout) -> Observation:
+    """Return observations from the bytes of their records (B, bytes) uint8, on the same device."""
+    count, n, fields = len(records), layout.points, layout.dtype.fields
+    assert fields is not None
+
+    def part(name: str) -> Tensor:
+        kind, offset = fields[name][:2]
+        return records[:, offset : offset + kind.itemsize].contiguous()
+
+    codes = part("codes")
+    bits = torch.arange(layout.masks, dtype=torch.uint8, device=records.device)
+    return Observation(
+        points=part("points").view(torch.float16).reshape(count, n, 3).float(),
+        colors=part("colors").reshape(count, n, 3).float() / 255.0,
+        masks=((codes[..., None] >> bits) & 1).float(),
+        valid=codes >= int(REAL),
+        agent=part("agent").view(torch.float32).reshape(count, layout.agent),
+    )
