@@ -48,6 +48,20 @@ flags, terms = task.evaluate(simulation.snapshot(), env.goal)
 assert bool(flags["chair_turned"][0]) and bool(flags["chair_static"][0])
 assert float(terms["stage"][0]) == -1.0
 """
+VARIANT = """
+import numpy as np
+import calm_chair
+from artiskill import ManipulationEnv
+
+plain, calm = (ManipulationEnv(task, objects="chair-0001") for task in ("PushChair", "CalmChair"))
+for env in (plain, calm):
+    env.reset(seed=0)
+for action in np.random.default_rng(0).uniform(-1, 1, (10, calm.control.size)):
+    reward, info = calm.step(action)[1::3]
+    cost = info["reward_terms"]["fast_hands"]
+    assert -1 <= cost < 0
+    np.testing.assert_allclose(reward, plain.step(action)[1] + 0.3 * cost, rtol=1e-12)
+"""
 INSTALLED = """
 import gymnasium as gym
 import artiskill
@@ -92,6 +106,12 @@ def follow(page: str, folder: Path, python: Run) -> None:
 @pytest.mark.slow
 def test_the_new_task_runs(run: Run) -> None:
     done = run("-c", EPISODE)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+def test_the_variant_adds_its_term(run: Run) -> None:
+    done = run("-c", VARIANT)
     assert done.returncode == 0, done.stderr
 
 

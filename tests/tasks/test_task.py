@@ -157,3 +157,17 @@ def test_a_goal_that_is_too_long_is_not_put() -> None:
     assert not put_goal(stacked, 0, long)
     assert_row_is(stacked, 0, short)
     assert put_goal(stack_goals([short, long]), 0, long)
+
+
+def test_an_added_term_counts_beside_the_others() -> None:
+    task = make_task("PushChair")
+    more = task.with_reward_term("fast", lambda snapshot, goal, flags: np.array([-0.5, 0.0]), 0.25)
+    terms = dict.fromkeys(task.reward_weights, np.zeros(2)) | {"stage": np.array([-3.0, -1.0])}
+    assert more.reward_weights == {**task.reward_weights, "fast": 0.25}
+    np.testing.assert_array_equal(more.dense_reward(terms | {"fast": np.array([-0.5, 0.0])}), [-3.125, -1.0])
+    for name, weight, message in (
+        ("stage", 1.0, "there is a reward term 'stage' already"),
+        ("x", -1.0, "at least 0"),
+    ):
+        with pytest.raises(ConfigError, match=message):
+            task.with_reward_term(name, lambda snapshot, goal, flags: np.zeros(1), weight)

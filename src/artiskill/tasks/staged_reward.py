@@ -148,7 +148,10 @@ class StageTable:
         """
         names = (*self.terms, STAGE_TERM)
         unknown = sorted(set(weights) - set(names))
-        check(not unknown, f"reward.weights: unknown terms {unknown}; legal: {', '.join(names)}")
+        check(
+            not unknown,
+            f"reward.weights: unknown terms {unknown}; legal are those of the task's stages: {', '.join(names)}",
+        )
         legal = all(math.isfinite(w) and w >= 0 for w in weights.values())
         check(legal, f"reward.weights must be finite numbers of at least 0, not {dict(weights)}")
         count = len(self.stages)

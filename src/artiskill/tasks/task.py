@@ -1,7 +1,8 @@
 """`Task` and `TaskConfig`: what a task is made of, how its YAML is read, goals of a batch, the state vector."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, cast
 
@@ -122,7 +123,7 @@ class Task:
         flags: (snapshot, goal) -> name -> (B,) bool, each condition as it is in this step.
         reward_terms: (snapshot, goal, flags) -> name -> (B,) unweighted terms of the dense reward.
         reward_weights: name -> weight; the dense reward is the weighted sum.
-        reward_table: the terms and stages that the reward is made of.
+        reward_table: the terms and stages of the reward, for tests and pictures of it; not a term that was added.
         observe_state: (snapshot, goal) -> (B, D) float32.
         state_fields: what the D numbers are.
         mask_names: of the k masks that come with what the robot sees.
@@ -183,6 +184,25 @@ class Task:
     def render(self) -> RenderConfig:
         """Light, floor and background as the robot sees them."""
         return cast(RenderConfig, self.config.render)
+
+    def with_reward_term(self, name: str, term: Callable[[Snapshot, Goal, Flags], Array], weight: float) -> "Task":
+        """Return the same task with one more term in its dense reward, outside of its stages.
+
+        Args:
+            name: of the term, in `info["reward_terms"]`.
+            term: (snapshot, goal, flags) -> (B,) unweighted. At most 0, or waiting may pay.
+            weight: of the term.
+
+        Raises:
+            ConfigError: there is such a term already, or the weight is no number of at least 0.
+        """
+        check(name not in self.reward_weights, f"there is a reward term {name!r} already")
+        check(math.isfinite(weight) and weight >= 0, f"the weight of {name} must be at least 0, not {weight}")
+
+        def reward_terms(snapshot: Snapshot, goal: Goal, flags: Flags) -> dict[str, Array]:
+            return self.reward_terms(snapshot, goal, flags) | {name: term(snapshot, goal, flags)}
+
+        return replace(self, reward_terms=reward_terms, reward_weights={**self.reward_weights, name: weight})
 
     def evaluate(self, snapshot: Snapshot, goal: Goal) -> Evaluation:
         """Return flags and reward terms of a step."""
