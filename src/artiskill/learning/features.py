@@ -1,0 +1,126 @@
+"""From observations to the inputs of a network, of NumPy arrays and of tensors alike. Imports no torch.
+
+Hands and base are found in the robot's state, so coordinates around them need no privileged knowledge. A hand is
+where the mean of its two fingertips is; its orientation would need the robot's kinematics and is not used.
+"""
+
+import sys
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from artiskill.learning.network_config import InputConfig
+
+HANDS = {38: 1, 68: 2}  # arms by the length of the robot's state
+
+_FAR = 1e6  # metres: no point is so far away
+_STATE_LIMIT = 10.0  # standard deviations
+
+
+class Scale(NamedTuple):
+    """Means and standard deviations, see `artiskill.learning.batch.Statistics`; arrays or tensors."""
+
+    point_mean: Any
+    point_std: Any
+    agent_mean: Any
+    agent_std: Any
+
+
+class Features(NamedTuple):
+    """Inputs of a network; arrays or tensors, float32."""
+
+    points: Any  # (B, N, P); zeros in rows of padding
+    state: Any  # (B, S), of cloud and robot
+    masks: Any  # (B, N, K); zeros in rows of padding
+    valid: Any  # (B, N) bool
+
+
+def make_features(observation: Any, config: InputConfig, scale: Scale, frame: str = "world") -> Features:
+    """Return the inputs of a network.
+
+    Where coordinates around robot or hands are asked for, the state has the hands' places and the world's origin as
+    the base sees them, too. What cannot be known is left out: the robot's base and hands of a robot with another state than ours, and the
+    base where points are given in the hand's frame.
+
+    Args:
+        observation: `Observation` of tensors, or one of arrays with the same fields.
+        config: what is computed.
+        scale: of the training set, on the observation's device.
+        frame: in which the points are given: `world`, `robot` or `end_effector`.
+    """
+    xp = np if isinstance(observation.points, np.ndarray) else sys.modules["torch"]
+    valid = observation.valid
+    real = valid[..., None]
+    points = xp.where(real, observation.points, 0.0)  # (B, N, 3)
+    masks = xp.where(real, observation.masks, 0.0)  # (B, N, K)
+    present = real * xp.ones_like(points[..., :1])  # (B, N, 1) float32
+    mean = points.sum(1) / present.sum(1).clip(1)
+    agent = ((observation.agent - scale.agent_mean) / scale.agent_std).clip(-_STATE_LIMIT, _STATE_LIMIT)
+    state = [agent, (mean - scale.point_mean) / scale.point_std]
+    coordinates = {"cloud": points - mean[:, None]}
+    if frame == "end_effector":
+        coordinates["hand"] = points
+    elif config.frames != ("cloud",) and observation.agent.shape[1] in HANDS:
+        coordinates |= _robot_coordinates(xp, points, observation.agent, frame, state)
+    parts = [coordinates[name] for name in config.frames if name in coordinates] or [coordinates["cloud"]]
+    nearest = parts[-1]
+    if config.near_m:
+        parts.append(xp.tanh(nearest / config.near_m))
+    if config.extents:
+        in_none = present - masks.sum(2)[..., None].clip(0, 1)
+        extents = _extents(xp, nearest, xp.concatenate((masks, in_none), 2))
+        state += [extents, xp.tanh(extents / config.near_m)] if config.near_m else [extents]
+    if config.colors:
+        parts.append(observation.colors)
+    if config.masks:
+        parts.append(masks)
+    return Features(xp.where(real, xp.concatenate(parts, 2), 0.0), xp.concatenate(state, 1), masks, valid)
+
+
+def feature_sizes(config: InputConfig, masks: int, agent: int, frame: str) -> tuple[int, int]:
+    """Return how many numbers `make_features` gives of each point, and of cloud and robot."""
+    zeros, ones = (lambda *shape: np.zeros(shape, np.float32)), (lambda *shape: np.ones(shape, np.float32))
+    observation = _Arrays(zeros(1, 1, 3), zeros(1, 1, 3), zeros(1, 1, masks), ones(1, 1) > 0, zeros(1, agent))
+    features = make_features(observation, config, Scale(zeros(3), ones(3), zeros(agent), ones(agent)), frame)
+    return features.points.shape[2], features.state.shape[1]
+
+
+class _Arrays(NamedTuple):
+    points: np.ndarray
+    colors: np.ndarray
+    masks: np.ndarray
+    valid: np.ndarray
+    agent: np.ndarray
+
+
+def _robot_coordinates(xp: Any, points: Any, agent: Any, frame: str, state: list[Any]) -> dict[str, Any]:
+    """Return coordinates from base and hands; to `state` go hands and the world's origin as the base sees them."""
+    hands = HANDS[agent.shape[1]]
+    tips = agent[:, : 6 * hands].reshape(-1, hands, 2, 3)
+    floor = xp.zeros_like(agent[:, :1])
+    base = xp.concatenate((agent[:, 12 * hands : 12 * hands + 2], floor), 1)[:, None]  # (B, 1, 3)
+    turn = _turn_to_base(xp, agent[:, 12 * hands + 2], floor[:, 0])
+    seen = points if frame == "robot" else (points - base) @ turn
+    places = (tips.sum(2) / 2 - base) @ turn  # (B, hands, 3)
+    origin = (-base @ turn)[:, 0, :2]
+    state += [places.reshape(-1, 3 * hands), origin, xp.tanh(origin)]
+    around = xp.concatenate([seen - places[:, i : i + 1] for i in range(hands)], 2)  # (B, N, 3 * hands)
+    return {"robot": seen, "hand": around}
+
+
+def _turn_to_base(xp: Any, yaw: Any, zero: Any) -> Any:
+    """Return (B, 3, 3) matrices; a row of world coordinates times one is a row in the base's axes."""
+    c, s = xp.cos(yaw), xp.sin(yaw)
+    return xp.stack((c, -s, zero, s, c, zero, zero, zero, zero + 1), 1).reshape(-1, 3, 3)
+
+
+def _extents(xp: Any, points: Any, groups: Any) -> Any:
+    """Return mean, least and greatest coordinates (B, 3 G C) of groups of points; zeros for an empty one."""
+    inside = groups.swapaxes(1, 2)  # (B, G, N)
+    count = inside.sum(2)[..., None]
+    spread = points[:, None]  # (B, 1, N, C)
+    member = inside[..., None] > 0
+    least = xp.amin(xp.where(member, spread, _FAR), 2)  # (B, G, C)
+    greatest = xp.amax(xp.where(member, spread, -_FAR), 2)
+    found = xp.concatenate((inside @ points / count.clip(1), least, greatest), 2)
+    return xp.where(count > 0, found, 0.0).reshape(len(points), -1)

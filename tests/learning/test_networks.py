@@ -1,0 +1,153 @@
+"""The networks: padding, order of points, gradients, sizes, and values that can be computed by hand."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from artiskill.learning.network_config import NETWORKS, TransformerConfig, load_network_config
+
+torch = pytest.importorskip("torch")
+
+from artiskill.learning.batch import Observation, Sizes, Statistics  # noqa: E402
+from artiskill.learning.networks import PointEncoder, make_network  # noqa: E402
+
+CABINET = Sizes(points=40, masks=3, agent=38, action=11)
+CHAIR = Sizes(points=40, masks=1, agent=68, action=22)
+NARROW = TransformerConfig(width=16, blocks=2, heads=2, head_width=4, feedforward=24, dropout=0.1)
+VARIANTS = [(name, compat) for name in NETWORKS for compat in (None, "paper2021")]
+
+
+def plain_statistics(agent: int) -> Statistics:
+    return Statistics(np.zeros(3), np.ones(3), np.zeros(agent), np.ones(agent))
+
+
+def make(name: str, sizes: Sizes = CABINET, extra: int = 0, seed: int = 0, **changes: Any) -> Any:
+    """Make a narrow network with the values of `name` otherwise."""
+    config = load_network_config(name)
+    narrow = {"point_layers": (16, 32), "head": (16, 8), "transformer": config.transformer and NARROW}
+    config = dataclasses.replace(config, **{**narrow, "zero_output": False, **changes})
+    generator = torch.Generator().manual_seed(seed)
+    return make_network(config, sizes, plain_statistics(sizes.agent), sizes.action, extra, generator).eval()
+
+
+def observe(sizes: Sizes = CABINET, batch: int = 3, seed: int = 0, real: int = 30) -> Observation:
+    """Observations with `real` points in random rows; each point in one mask or none."""
+    rng = np.random.default_rng(seed)
+    n = sizes.points
+    groups = rng.integers(sizes.masks + 1, size=(batch, n))
+    valid = np.argsort(rng.random((batch, n)), axis=1) < real
+    arrays = (
+        rng.normal(size=(batch, n, 3)).astype(np.float32),
+        rng.random((batch, n, 3), dtype=np.float32),
+        (groups[..., None] == np.arange(sizes.masks)).astype(np.float32),
+        valid,
+        rng.normal(size=(batch, sizes.agent)).astype(np.float32),
+    )
+    return Observation(*map(torch.as_tensor, arrays))
+
+
+@pytest.mark.parametrize(("name", "compat"), VARIANTS)
+def test_padding_never_counts(name: str, compat: str | None) -> None:
+    network, seen = make(name, compat=compat), observe()
+    padding = ~seen.valid[..., None]
+    other = seen._replace(
+        points=seen.points.masked_fill(padding, np.nan),
+        colors=seen.colors.masked_fill(padding, 1e30),
+        masks=seen.masks.masked_fill(padding, 1.0),
+    )
+    with torch.no_grad():
+        assert torch.equal(network(seen), network(other))
+
+
+@pytest.mark.parametrize(("name", "compat"), VARIANTS)
+def test_order_of_points_does_not_matter(name: str, compat: str | None) -> None:
+    network, seen = make(name, compat=compat), observe()
+    order = torch.randperm(CABINET.points, generator=torch.Generator().manual_seed(1))
+    points, colors, masks, valid = (part[:, order] for part in seen[:4])
+    with torch.no_grad():
+        found = network(Observation(points, colors, masks, valid, seen.agent))
+        torch.testing.assert_close(found, network(seen), atol=1e-5, rtol=1e-5)
+
+
+@pytest.mark.parametrize("sizes", [CABINET, CHAIR], ids=["cabinet", "chair"])
+@pytest.mark.parametrize("name", NETWORKS)
+def test_output_without_any_point_is_finite(name: str, sizes: Sizes) -> None:
+    network = make(name, sizes)
+    with torch.no_grad():
+        assert network(observe(sizes, real=0)).isfinite().all()
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_gradients_equal_those_of_all_points(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    network, seen = make(name), observe()
+    seen = seen._replace(points=seen.points[:, [0, *range(39)]])  # a point twice: a tie in every channel
+
+    def gradients() -> list[Any]:
+        network.zero_grad()
+        network(seen).square().sum().backward()
+        return [parameter.grad.clone() for parameter in network.parameters()]
+
+    found = gradients()
+    monkeypatch.setattr(PointEncoder, "_winners", lambda self, points, state, group: group)
+    for mine, plain in zip(found, gradients(), strict=True):
+        torch.testing.assert_close(mine, plain, atol=2e-5, rtol=1e-4)
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_weights_come_from_the_generator_alone(name: str) -> None:
+    first = make(name, seed=4).state_dict()
+    torch.rand(1)
+    again, other = make(name, seed=4).state_dict(), make(name, seed=5).state_dict()
+    assert all(torch.equal(first[key], again[key]) for key in first)
+    assert not torch.equal(first["mlp.output.weight"], other["mlp.output.weight"])
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_output_begins_with_zeros(name: str) -> None:
+    assert not make(name, zero_output=True)(observe()).any()
+
+
+@pytest.mark.parametrize("name", NETWORKS)
+def test_candidates_are_read_out_like_single_ones(name: str) -> None:
+    network, seen = make(name, extra=2), observe()
+    candidates = torch.randn(3, 4, 2, generator=torch.Generator().manual_seed(1))
+    with torch.no_grad():
+        together = network.head(network.encode(seen), candidates)
+        assert together.shape == (3, 4, 11)
+        for i in range(4):
+            torch.testing.assert_close(together[:, i], network(seen, candidates[:, i]), atol=1e-5, rtol=1e-5)
+
+
+def layer(inputs: int, outputs: int) -> int:
+    return inputs * outputs + outputs
+
+
+def count_parameters(name: str) -> int:
+    network = make_network(load_network_config(name), CABINET, plain_statistics(38), 11)
+    return sum(parameter.numel() for parameter in network.parameters())
+
+
+def test_parameter_counts() -> None:
+    counts = {name: count_parameters(name) for name in NETWORKS}
+    state = 38 + 3
+    assert counts["pointnet"] == (
+        layer(3 + 3 + 3 + state, 256)
+        + layer(256, 512)
+        + 2 * 512
+        + layer(512, 512)
+        + layer(512, 256)
+        + layer(256, 11)
+    )
+    each = layer(3 + 3 + state, 256) + layer(256, 256) + 2 * 256 + 2 * layer(256, 256)
+    attention = 3 * layer(256, 128) + layer(128, 256)
+    block = attention + layer(256, 1024) + layer(1024, 256) + 4 * 256
+    head = layer(256, 256) + layer(256, 128) + layer(128, 11)
+    assert counts["pointnet_transformer"] == (
+        5 * each + layer(state, 256) + layer(256, 256) + 6 * block + attention + 2 * 256 + head
+    )
+    extents, places = 4 * 3 * 3, 3 + 2 + 2
+    inputs = 256 + state + places + 2 * extents
+    points = layer(3 * 3 + 3 + 3, 64) + layer(64, 128) + layer(128, 256) + 2 * 256
+    assert counts["small"] == points + layer(inputs, 512) + 2 * 512 + layer(512, 256) + 2 * 256 + layer(256, 11)
