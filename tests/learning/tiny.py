@@ -11,6 +11,8 @@ from torch import Tensor, nn
 from artiskill.learning.algorithm import Algorithm, MakeNetwork
 from artiskill.learning.batch import Batch, Observation, Sizes
 
+torch.set_num_threads(1)  # of networks this small, a second thread makes slow ones; and tests share their cores
+
 
 class TinyNetwork(nn.Module):
     """A perceptron on the robot's state and the extra numbers; without hidden layers, a linear map."""
@@ -127,3 +129,36 @@ def random_batch(generator: torch.Generator, size: int = 16, agent: int = 3, act
         terminated=uniform(size) > 0.5,
         weight=uniform(size) > -0.5,
     )
+
+
+class Chain:
+    """A walk on [0, 1] towards 1: an action moves by a fifth of it, each step costs 1, the end is worth 0.
+
+    The demonstrator walks at random, so its mean action goes nowhere.
+    """
+
+    sizes = tiny_sizes(agent=1, action=1)
+
+    @staticmethod
+    def step(place: Tensor, action: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the next places (B, 1), and which of them are the end."""
+        moved = (place + 0.2 * action).clamp(0, 1)
+        return moved, moved[:, 0] >= 1
+
+    @classmethod
+    def draw(cls, generator: torch.Generator) -> Batch:
+        """Return random steps."""
+        place = torch.rand(64, 1, generator=generator)
+        action = torch.rand(64, 1, generator=generator) * 2 - 1
+        moved, ended = cls.step(place, action)
+        return make_batch(place, action, moved, reward=-torch.ones(64), terminated=ended)
+
+    @classmethod
+    def steps_to_end(cls, algorithm: Algorithm, most: int = 20) -> int:
+        """Return how many steps a policy takes from 0 to 1, at most `most`."""
+        place = torch.zeros(1, 1)
+        for count in range(1, most + 1):
+            place, ended = cls.step(place, algorithm.act(observe(place)))
+            if ended:
+                return count
+        return most
