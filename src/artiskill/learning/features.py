@@ -38,9 +38,9 @@ class Features(NamedTuple):
 def make_features(observation: Any, config: InputConfig, scale: Scale, frame: str = "world") -> Features:
     """Return the inputs of a network.
 
-    Where coordinates around robot or hands are asked for, the state has the hands' places and the world's origin as
-    the base sees them, too. What cannot be known is left out: the robot's base and hands of a robot with another state than ours, and the
-    base where points are given in the hand's frame.
+    Where coordinates around base or hands are asked for, the state has, too, the places of hands and of the
+    world's origin as the base sees them. What cannot be known is left out: base and hands of a robot whose state
+    is not laid out as ours, and the base where points are given in the hand's frame.
 
     Args:
         observation: `Observation` of tensors, or one of arrays with the same fields.
