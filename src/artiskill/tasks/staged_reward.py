@@ -34,6 +34,18 @@ _NEAREST = 1.0 - 1e-9
 _LEAST_KEPT = 1e-12  # no division of 0 by 0 in single precision, for which 1 - _NEAREST is nothing
 _ROUNDING = 1e-9  # of sums of decimal fractions
 STAGE_TERM = "stage"
+# A table's ramps: of the terms, then what stages are entered by, then what they are left by. One array of records,
+# because a kernel takes a microsecond to unpack a tuple of as many arrays.
+_RAMPS = np.dtype(
+    [
+        ("column", np.int64),  # of the measure
+        ("zero", np.float64),  # where it begins
+        ("scale", np.float64),  # one over its length
+        ("stage", np.int64),  # that is entered or left by it; -1 for terms
+        ("leaves", np.bool_),
+    ],
+    align=True,
+)
 
 
 class Ramp(NamedTuple):
@@ -78,16 +90,17 @@ class StageTable:
         leaves = [(k, ramp) for k, stage in enumerate(stages) for ramp in stage.leaves]
         ramps = [*self.terms.values(), *(ramp for _, ramp in (*enters, *leaves))]
         self.measures = tuple(dict.fromkeys(ramp.measure for ramp in ramps))
-        zero = np.array([ramp.zero for ramp in ramps])
-        self._arrays = _TableArrays(
-            column=np.array([self.measures.index(ramp.measure) for ramp in ramps]),
-            zero=zero,
-            scale=1.0 / (np.array([ramp.one for ramp in ramps]) - zero),
-            stage_of=np.array([-1] * len(self.terms) + [k for k, _ in (*enters, *leaves)]),
-            asked=np.array([[name in stage.asks for name in self.terms] for stage in self.stages], dtype=float),
-            leavable=np.array([_NEAREST if stage.leaves else 0.0 for stage in self.stages]),
-            leave_start=len(self.terms) + len(enters),
-        )
+        self._leave_start = len(self.terms) + len(enters)
+        self._ramps = np.zeros(len(ramps), dtype=_RAMPS)
+        self._ramps["column"] = [self.measures.index(ramp.measure) for ramp in ramps]
+        self._ramps["zero"] = [ramp.zero for ramp in ramps]
+        self._ramps["scale"] = 1.0 / (np.array([ramp.one for ramp in ramps]) - self._ramps["zero"])
+        self._ramps["stage"] = [-1] * len(self.terms) + [k for k, _ in (*enters, *leaves)]
+        self._ramps["leaves"][self._leave_start :] = True
+        # (K, T) whether a stage asks for a term, and (K,) what `leaving` is multiplied by: 0 in the last stage
+        asked = [[name in stage.asks for name in self.terms] for stage in self.stages]
+        self._asked = np.array(asked, dtype=float)
+        self._leavable = np.array([_NEAREST if stage.leaves else 0.0 for stage in self.stages])
 
     def evaluate(self, measures: Mapping[str, Array], stage: Array, bonus: Sequence[float]) -> dict[str, Array]:
         """Return the unweighted terms.
@@ -105,7 +118,7 @@ class StageTable:
             table = np.empty((len(measured), len(self.terms) + 1))
             measured = np.ascontiguousarray(measured, dtype=np.float64)
             stage, bonus_array = np.asarray(stage, dtype=np.int64), np.array(bonus, dtype=np.float64)
-            _terms_kernel(measured, stage, self._arrays, bonus_array, table)
+            _terms_kernel(measured, stage, self._ramps, self._asked, self._leavable, bonus_array, table)
         else:
             table = self.terms_reference(measured, stage, bonus)
         return {name: table[:, i] for i, name in enumerate((*self.terms, STAGE_TERM))}
@@ -118,18 +131,19 @@ class StageTable:
             stage: (B,) number of the stage.
             bonus: of each stage.
         """
-        xp, dtype, arrays = namespace(measured), measured.dtype, self._arrays
-        zero, scale = xp.asarray(arrays.zero, dtype=dtype), xp.asarray(arrays.scale, dtype=dtype)
-        ramps = clip((xp.take(measured, xp.asarray(arrays.column), axis=1) - zero) * scale, 0.0, 1.0)
+        xp, dtype = namespace(measured), measured.dtype
+        column, zero, scale, stages = (self._ramps[name].copy() for name in ("column", "zero", "scale", "stage"))
+        zero, scale = xp.asarray(zero, dtype=dtype), xp.asarray(scale, dtype=dtype)
+        ramps = clip((xp.take(measured, xp.asarray(column), axis=1) - zero) * scale, 0.0, 1.0)
         # 0 where a ramp counts in a stage, 1 where it does not: the greater of the two is what matters
-        others = (arrays.stage_of != np.arange(len(self.stages))[:, None]).astype(float)
+        others = (stages != np.arange(len(self.stages))[:, None]).astype(float)
         floored = xp.maximum(ramps, xp.asarray(others, dtype=dtype)[stage])
-        entered = amin(floored[:, len(self.terms) : arrays.leave_start])
-        leaving = amin(floored[:, arrays.leave_start :]) * xp.asarray(arrays.leavable, dtype=dtype)[stage]
+        entered = amin(floored[:, len(self.terms) : self._leave_start])
+        leaving = amin(floored[:, self._leave_start :]) * xp.asarray(self._leavable, dtype=dtype)[stage]
         kept = xp.maximum(1.0 - leaving, xp.asarray(_LEAST_KEPT, dtype=dtype))
         blend = leaving * entered / (leaving * entered + kept)
         gate = (1.0 - blend) * entered
-        terms = ramps[:, : len(self.terms)] * xp.asarray(arrays.asked, dtype=dtype)[stage] * gate[:, None]
+        terms = ramps[:, : len(self.terms)] * xp.asarray(self._asked, dtype=dtype)[stage] * gate[:, None]
         least_reward = xp.asarray(np.array(bonus), dtype=dtype)[stage]
         steps = xp.asarray(np.append(np.diff(bonus), 0.0), dtype=dtype)
         return xp.concat((terms, (least_reward + blend * steps[stage])[:, None]), axis=1)
@@ -178,48 +192,28 @@ class StageTable:
         return bonus[-1] * weights.get(STAGE_TERM, 0.0) + terms
 
 
-class _TableArrays(NamedTuple):
-    """A table's R ramps (of the T terms, then what stages are entered by, then what they are left by), K stages.
-
-    Attributes:
-        column: (R,) of the measure.
-        zero: (R,) where the ramp begins.
-        scale: (R,) one over its length.
-        stage_of: (R,) the stage that a ramp is entered or left by; -1 for terms, see `asked`.
-        asked: (K, T) 1 where a stage asks for a term.
-        leavable: (K,) what `leaving` is multiplied by: nearly 1, and 0 in the last stage.
-        leave_start: number of the first ramp that a stage is left by.
-    """
-
-    column: np.ndarray
-    zero: np.ndarray
-    scale: np.ndarray
-    stage_of: np.ndarray
-    asked: np.ndarray
-    leavable: np.ndarray
-    leave_start: int
-
-
 @kernel
-def _terms_kernel(measured: Any, stage: Any, arrays: Any, bonus: Any, out: Any) -> None:
+def _terms_kernel(measured: Any, stage: Any, ramps: Any, asked: Any, leavable: Any, bonus: Any, out: Any) -> None:
     """Fill `out` (B, T + 1) as `StageTable.terms_reference` defines it, which takes 45 microseconds more."""
-    terms = arrays.asked.shape[1]
+    terms = asked.shape[1]
     for b in range(measured.shape[0]):
         k = stage[b]
         entered, leaving = 1.0, 1.0
-        for r in range(terms, arrays.column.shape[0]):
-            if arrays.stage_of[r] == k:
-                value = _ramp(measured[b, arrays.column[r]], arrays.zero[r], arrays.scale[r])
-                if r < arrays.leave_start:
-                    entered = min(entered, value)
-                else:
+        for r in range(terms, ramps.shape[0]):
+            ramp = ramps[r]
+            if ramp.stage == k:
+                value = _ramp(measured[b, ramp.column], ramp.zero, ramp.scale)
+                if ramp.leaves:
                     leaving = min(leaving, value)
-        leaving *= arrays.leavable[k]
+                else:
+                    entered = min(entered, value)
+        leaving *= leavable[k]
         blend = leaving * entered / (leaving * entered + 1.0 - leaving)
         gate = (1.0 - blend) * entered
         for r in range(terms):
-            value = _ramp(measured[b, arrays.column[r]], arrays.zero[r], arrays.scale[r])
-            out[b, r] = value * arrays.asked[k, r] * gate
+            ramp = ramps[r]
+            value = _ramp(measured[b, ramp.column], ramp.zero, ramp.scale)
+            out[b, r] = value * asked[k, r] * gate
         step = bonus[k + 1] - bonus[k] if k + 1 < bonus.shape[0] else 0.0
         out[b, terms] = bonus[k] + blend * step
 
