@@ -91,6 +91,19 @@ def test_it_says_whether_it_needs_what_follows(make: Make) -> None:
         update(algorithm, batch)
 
 
+@pytest.mark.parametrize(("name", "slow"), [("bcq", "vae"), ("td3bc", "policy")])
+def test_values_of_2021(name: str, slow: str) -> None:
+    kind = ALGORITHMS[name]
+    values = load_yaml(CONFIG_DIR / "learning" / f"{name}.yaml")["algorithm"]
+    config = from_mapping(kind.Config, values | {"compat": "paper2021"})
+    optimizers = kind(config, tiny_maker(SIZES), SIZES).optimizers
+    groups = {name: optimizer.param_groups[0] for name, optimizer in optimizers.items()}
+    assert {name: group["lr"] for name, group in groups.items()} == {slow: 3e-4, "critics": 5e-4}
+    assert {group["weight_decay"] for group in groups.values()} == {5e-6}
+    assert config.resolved().largest_value is None
+    assert config.resolved().reward_scale == 1
+
+
 def test_acting_knows_no_dropout() -> None:
     bc = BC(BC.Config(1e-3, 0), tiny_maker(SIZES, dropout=0.5), SIZES)
     observation = random_batch(torch.Generator().manual_seed(0)).observation

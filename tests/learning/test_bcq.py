@@ -29,6 +29,8 @@ CONFIG = BCQConfig(
     weight_decay=0,
     gamma=0.5,
     tau=0.1,
+    reward_scale=0.5,
+    largest_value=0.0,
     latent_per_action=2,
     latent_bound=0.5,
     kl_weight=0.5,
@@ -154,7 +156,7 @@ def test_it_finds_the_way_where_bc_does_not() -> None:
     train(bc, Chain.draw, 200)
     assert Chain.steps_to_end(bc) == 20
 
-    config = replace(CONFIG, gamma=0.8, tau=0.05, kl_weight=0.05, latent_bound=1)
+    config = replace(CONFIG, gamma=0.8, reward_scale=0.2, tau=0.05, kl_weight=0.05, latent_bound=1)
     config = replace(config, critic_learning_rate=1e-2, vae_learning_rate=1e-2)
     bcq = BCQ(config, tiny_maker(Chain.sizes, hidden=(32, 32)), Chain.sizes)
     train(bcq, Chain.draw, 400)

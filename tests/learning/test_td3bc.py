@@ -29,6 +29,8 @@ CONFIG = TD3BCConfig(
     weight_decay=0,
     gamma=0.5,
     tau=0.1,
+    reward_scale=0.5,
+    largest_value=0.0,
     alpha=0.02,
     action_noise=0.2,
     noise_bound=0.5,
@@ -69,7 +71,7 @@ def test_noise_on_next_actions_is_cut_off() -> None:
 
 
 def test_targets_are_bounded_unless_as_in_2021() -> None:
-    for compat, expected in (("none", -0.1), ("paper2021", -0.2 + 0.5 * 4)):
+    for compat, expected in ((None, -0.1), ("paper2021", -0.2 + 0.5 * 4)):
         td3bc = linear_td3bc(replace(CONFIG, action_noise=0, compat=compat))
         for target in td3bc.critic_targets:
             set_linear(target.network, [[0.0, 0.0]], [4.0])
@@ -152,7 +154,13 @@ def test_without_alpha_it_is_bc(interval: int, dropout: float) -> None:
 
 def test_it_finds_the_way_where_its_imitation_does_not() -> None:
     config = replace(
-        CONFIG, critic_learning_rate=3e-3, policy_learning_rate=3e-3, gamma=0.8, tau=0.05, policy_interval=1
+        CONFIG,
+        critic_learning_rate=3e-3,
+        policy_learning_rate=3e-3,
+        gamma=0.8,
+        reward_scale=0.2,
+        tau=0.05,
+        policy_interval=1,
     )
     steps = {}
     for alpha in (0.0, 5.0):

@@ -3,11 +3,11 @@
 A variational auto-encoder learns which actions demonstrations take; two critics learn what those are worth. It
 acts by decoding many latents and taking the candidate that the first critic likes best.
 
-Two differences to the release of 2021, undone by `compat: paper2021`: rewards are multiplied by 1 - gamma, so that
-values are means of the rewards that follow, not sums; and values are bounded by 0, for no reward is above it.
+By default rewards are multiplied by 1 - gamma, so that values are means of the rewards that follow, not sums, and
+values are bounded by 0, for no reward is above it. The paper's code of 2021 did neither: `compat: paper2021`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import torch
@@ -39,16 +39,18 @@ class BCQConfig:
     tau: float  # share of the way that targets go per step
     latent_per_action: int  # numbers in a latent per number in an action
     latent_bound: float  # where candidates are decoded, latents are cut off here
+    reward_scale: float  # rewards are multiplied by it
+    largest_value: float | None  # no next value counts more; None: any may
     kl_weight: float  # of the divergence of latents from the standard normal distribution
     log_std: tuple[float, float]  # what the encoder may say
     min_weight: float  # of the lower of two critics' values; the higher has the rest
     train_candidates: int  # decoded per next observation in training
     act_candidates: int  # decoded per observation in acting
     latent_seed: int  # of the latents of acting, which never change
-    compat: Literal["none", "paper2021"] = "none"
+    compat: Literal["paper2021"] | None = None  # some values as in the code of the ManiSkill paper, see `resolved`
 
     def __post_init__(self) -> None:
-        check_positive(self, "critic_learning_rate", "vae_learning_rate", "latent_bound")
+        check_positive(self, "critic_learning_rate", "vae_learning_rate", "latent_bound", "reward_scale")
         check_not_negative(self, "weight_decay", "kl_weight")
         check_positive(self, "latent_per_action", "train_candidates", "act_candidates")
         check_value(self, "gamma", 0 <= self.gamma < 1, "must be at least 0 and below 1")
@@ -56,6 +58,20 @@ class BCQConfig:
         check_inside("min_weight", self.min_weight, (0, 1))
         check_range(self, "log_std")
         check_not_negative(self, "latent_seed")
+
+    def resolved(self) -> "BCQConfig":
+        """Return the values with those laid over them that `compat` stands for."""
+        if self.compat is None:
+            return self
+        return replace(
+            self,
+            critic_learning_rate=5e-4,
+            vae_learning_rate=3e-4,
+            weight_decay=5e-6,
+            reward_scale=1.0,
+            largest_value=None,
+            compat=None,
+        )
 
 
 class BCQ(Algorithm):
@@ -66,7 +82,7 @@ class BCQ(Algorithm):
 
     def __init__(self, config: BCQConfig, make: MakeNetwork, sizes: Sizes) -> None:
         super().__init__()
-        self.config = config
+        self.config = config = config.resolved()
         self.latent_size = config.latent_per_action * sizes.action
         self.decoder = make(sizes.action, self.latent_size)
         self.encoder = make(2 * self.latent_size, sizes.action)
@@ -80,9 +96,6 @@ class BCQ(Algorithm):
             "vae": adam([self.encoder, self.decoder], rate, decay),
             "critics": adam(self.critics, config.critic_learning_rate, decay),
         }
-        is_release = config.compat == "paper2021"
-        self.reward_scale = 1.0 if is_release else 1 - config.gamma
-        self.best_value = torch.inf if is_release else 0.0
 
     def update(
         self, batch: Batch, step: int, noise: torch.Generator, sync: Sync, autocast: Autocast
@@ -126,8 +139,10 @@ class BCQ(Algorithm):
         values = [candidate_values(target.network, observation, candidates) for target in self.targets]  # (B, M)
         lower, higher = torch.minimum(*values), torch.maximum(*values)
         weight = self.config.min_weight
-        best = (weight * lower + (1 - weight) * higher).amax(-1).clamp(max=self.best_value)  # (B,)
-        return self.reward_scale * batch.reward + self.config.gamma * (1 - batch.terminated) * best
+        best = (weight * lower + (1 - weight) * higher).amax(-1)  # (B,)
+        if self.config.largest_value is not None:
+            best = best.clamp(max=self.config.largest_value)
+        return self.config.reward_scale * batch.reward + self.config.gamma * (1 - batch.terminated) * best
 
     def critic_loss(self, batch: Batch, wanted: Tensor) -> tuple[Tensor, Tensor]:
         """Return both critics' mean squared errors, summed, and the first one's mean value.

@@ -3,11 +3,11 @@
 With `alpha` 0 the policy is that of behaviour cloning, bit for bit, if it is updated at every step
 (`policy_interval` 1) with the same learning rate and weight decay.
 
-Two differences to the release of 2021, undone by `compat: paper2021`: rewards are multiplied by 1 - gamma, so that
-values are means of the rewards that follow, not sums; and values are bounded by 0, for no reward is above it.
+By default rewards are multiplied by 1 - gamma, so that values are means of the rewards that follow, not sums, and
+values are bounded by 0, for no reward is above it. The paper's code of 2021 did neither: `compat: paper2021`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import torch
@@ -39,17 +39,33 @@ class TD3BCConfig:
     weight_decay: float
     gamma: float  # discount per step
     tau: float  # share of the way that targets go per step of the policy
+    reward_scale: float  # rewards are multiplied by it
+    largest_value: float | None  # no next value counts more; None: any may
     alpha: float  # weight of the first critic's value, of mean size 1, beside the squared error
     action_noise: float  # standard deviation of the noise on the next action
     noise_bound: float  # where that noise is cut off
     policy_interval: int  # steps of the critics per step of the policy
-    compat: Literal["none", "paper2021"] = "none"
+    compat: Literal["paper2021"] | None = None  # some values as in the code of the ManiSkill paper, see `resolved`
 
     def __post_init__(self) -> None:
-        check_positive(self, "critic_learning_rate", "policy_learning_rate", "policy_interval")
+        check_positive(self, "critic_learning_rate", "policy_learning_rate", "policy_interval", "reward_scale")
         check_not_negative(self, "weight_decay", "alpha", "action_noise", "noise_bound")
         check_value(self, "gamma", 0 <= self.gamma < 1, "must be at least 0 and below 1")
         check_value(self, "tau", 0 < self.tau <= 1, "must be above 0, and at most 1")
+
+    def resolved(self) -> "TD3BCConfig":
+        """Return the values with those laid over them that `compat` stands for."""
+        if self.compat is None:
+            return self
+        return replace(
+            self,
+            critic_learning_rate=5e-4,
+            policy_learning_rate=3e-4,
+            weight_decay=5e-6,
+            reward_scale=1.0,
+            largest_value=None,
+            compat=None,
+        )
 
 
 class TD3BC(Algorithm):
@@ -60,7 +76,7 @@ class TD3BC(Algorithm):
 
     def __init__(self, config: TD3BCConfig, make: MakeNetwork, sizes: Sizes) -> None:
         super().__init__()
-        self.config = config
+        self.config = config = config.resolved()
         self.policy = make(sizes.action, 0)  # first, so that it has the weights that BC's has
         self.critics = nn.ModuleList(make(1, sizes.action) for _ in range(2))
         self.policy_target = Target(self.policy)
@@ -69,9 +85,6 @@ class TD3BC(Algorithm):
             "policy": adam([self.policy], config.policy_learning_rate, config.weight_decay),
             "critics": adam(self.critics, config.critic_learning_rate, config.weight_decay),
         }
-        is_release = config.compat == "paper2021"
-        self.reward_scale = 1.0 if is_release else 1 - config.gamma
-        self.best_value = torch.inf if is_release else 0.0
 
     def update(
         self, batch: Batch, step: int, noise: torch.Generator, sync: Sync, autocast: Autocast
@@ -109,8 +122,10 @@ class TD3BC(Algorithm):
         action = squashed(self.policy_target.network, observation) + moved.clamp(-bound, bound)
         action = action.clamp(-1, 1)
         values = [target.network(observation, action).float().squeeze(-1) for target in self.critic_targets]
-        lower = torch.minimum(*values).clamp(max=self.best_value)  # (B,)
-        return self.reward_scale * batch.reward + self.config.gamma * (1 - batch.terminated) * lower
+        lower = torch.minimum(*values)  # (B,)
+        if self.config.largest_value is not None:
+            lower = lower.clamp(max=self.config.largest_value)
+        return self.config.reward_scale * batch.reward + self.config.gamma * (1 - batch.terminated) * lower
 
     def critic_loss(self, batch: Batch, wanted: Tensor) -> tuple[Tensor, Tensor]:
         """Return both critics' mean squared errors, summed, and the first one's mean value.
