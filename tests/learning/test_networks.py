@@ -1,55 +1,22 @@
 """The networks: padding, order of points, gradients, sizes, and values that can be computed by hand."""
-
-import dataclasses
-from typing import Any
+# ruff: noqa: E402
 
 import numpy as np
 import pytest
 
-from artiskill.learning.network_config import NETWORKS, TransformerConfig, load_network_config
-
 torch = pytest.importorskip("torch")
 
-from artiskill.learning.batch import Observation, Sizes, Statistics  # noqa: E402
-from artiskill.learning.networks import PointEncoder, make_network  # noqa: E402
+from tests.learning.clouds import CABINET, CHAIR, make, observe, plain_statistics
 
-CABINET = Sizes(points=40, masks=3, agent=38, action=11)
-CHAIR = Sizes(points=40, masks=1, agent=68, action=22)
-NARROW = TransformerConfig(width=16, blocks=2, heads=2, head_width=4, feedforward=24, dropout=0.1)
-VARIANTS = [(name, compat) for name in NETWORKS for compat in (None, "paper2021")]
+from artiskill.learning.batch import Observation, Sizes
+from artiskill.learning.network_config import NETWORKS, load_network_config
+from artiskill.learning.networks import PointEncoder, make_network
 
-
-def plain_statistics(agent: int) -> Statistics:
-    return Statistics(np.zeros(3), np.ones(3), np.zeros(agent), np.ones(agent))
-
-
-def make(name: str, sizes: Sizes = CABINET, extra: int = 0, seed: int = 0, **changes: Any) -> Any:
-    """Make a narrow network with the values of `name` otherwise."""
-    config = load_network_config(name)
-    narrow = {"point_layers": (16, 32), "head": (16, 8), "transformer": config.transformer and NARROW}
-    config = dataclasses.replace(config, **{**narrow, "zero_output": False, **changes})
-    generator = torch.Generator().manual_seed(seed)
-    return make_network(config, sizes, plain_statistics(sizes.agent), sizes.action, extra, generator).eval()
-
-
-def observe(sizes: Sizes = CABINET, batch: int = 3, seed: int = 0, real: int = 30) -> Observation:
-    """Observations with `real` points in random rows; each point in one mask or none."""
-    rng = np.random.default_rng(seed)
-    n = sizes.points
-    groups = rng.integers(sizes.masks + 1, size=(batch, n))
-    valid = np.argsort(rng.random((batch, n)), axis=1) < real
-    arrays = (
-        rng.normal(size=(batch, n, 3)).astype(np.float32),
-        rng.random((batch, n, 3), dtype=np.float32),
-        (groups[..., None] == np.arange(sizes.masks)).astype(np.float32),
-        valid,
-        rng.normal(size=(batch, sizes.agent)).astype(np.float32),
-    )
-    return Observation(*map(torch.as_tensor, arrays))
+VARIANTS = [(name, compat) for name in NETWORKS for compat in ("none", "paper2021")]
 
 
 @pytest.mark.parametrize(("name", "compat"), VARIANTS)
-def test_padding_never_counts(name: str, compat: str | None) -> None:
+def test_padding_never_counts(name: str, compat: str) -> None:
     network, seen = make(name, compat=compat), observe()
     padding = ~seen.valid[..., None]
     other = seen._replace(
@@ -62,7 +29,7 @@ def test_padding_never_counts(name: str, compat: str | None) -> None:
 
 
 @pytest.mark.parametrize(("name", "compat"), VARIANTS)
-def test_order_of_points_does_not_matter(name: str, compat: str | None) -> None:
+def test_order_of_points_does_not_matter(name: str, compat: str) -> None:
     network, seen = make(name, compat=compat), observe()
     order = torch.randperm(CABINET.points, generator=torch.Generator().manual_seed(1))
     points, colors, masks, valid = (part[:, order] for part in seen[:4])
@@ -84,7 +51,7 @@ def test_gradients_equal_those_of_all_points(name: str, monkeypatch: pytest.Monk
     network, seen = make(name), observe()
     seen = seen._replace(points=seen.points[:, [0, *range(39)]])  # a point twice: a tie in every channel
 
-    def gradients() -> list[Any]:
+    def gradients() -> list[torch.Tensor]:
         network.zero_grad()
         network(seen).square().sum().backward()
         return [parameter.grad.clone() for parameter in network.parameters()]

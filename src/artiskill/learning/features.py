@@ -53,6 +53,8 @@ def make_features(observation: Any, config: InputConfig, scale: Scale, frame: st
     real = valid[..., None]
     points = xp.where(real, observation.points, 0.0)  # (B, N, 3)
     masks = xp.where(real, observation.masks, 0.0)  # (B, N, K)
+    if config.blind_to_robot and masks.shape[2] > 1:
+        masks = xp.concatenate((masks[..., :-1], xp.zeros_like(masks[..., -1:])), 2)
     present = real * xp.ones_like(points[..., :1])  # (B, N, 1) float32
     mean = points.sum(1) / present.sum(1).clip(1)
     agent = ((observation.agent - scale.agent_mean) / scale.agent_std).clip(-_STATE_LIMIT, _STATE_LIMIT)

@@ -9,7 +9,7 @@ from artiskill.config import CONFIG_DIR, check, check_not_negative, check_value,
 from artiskill.errors import check_name
 
 NETWORKS = ("small", "pointnet", "pointnet_transformer")
-PAPER = "paper2021"
+FRAMES = ("world", "robot", "end_effector")  # of points, see `artiskill.envs.wrappers.Sampling`
 
 _FOLDER = CONFIG_DIR / "learning" / "networks"
 _WIDEST = 8192
@@ -29,6 +29,7 @@ class InputConfig:
     state_per_point: bool  # the cloud's mean and the robot's state at every point
     state_in_head: bool  # the same beside the pooled features
     extents: bool  # mean, least and greatest coordinates of each mask, and of the points in none, with the state
+    blind_to_robot: bool = False  # the last of several masks, the robot's, is empty
 
     def __post_init__(self) -> None:
         check_not_negative(self, "near_m")
@@ -67,8 +68,9 @@ class NetworkConfig:
     head_norm: bool  # LayerNorm in each of them
     zero_output: bool  # the last layer begins with zeros
     transformer: TransformerConfig | None = None
-    blind_to_robot: bool = False  # the last of several masks, the robot's, is empty
-    compat: Literal["paper2021"] | None = None  # some values as in the code of the ManiSkill paper, see `resolved`
+    compat: Literal["none", "paper2021"] = (
+        "none"  # some values as in the code of the ManiSkill paper, see `resolved`
+    )
 
     def __post_init__(self) -> None:
         for name in ("point_layers", "head"):
@@ -88,7 +90,7 @@ class NetworkConfig:
         zeros, the robot's mask of cabinets is empty (a bug; the published numbers have it), and the head after a
         transformer has the hidden width 256. Padding, which counted in their means, does not count here.
         """
-        if self.compat is None:
+        if self.compat == "none":
             return self
         head = (256,) if self.transformer else self.head
         return dataclasses.replace(
@@ -98,8 +100,8 @@ class NetworkConfig:
             head=head,
             head_norm=False,
             zero_output=False,
-            blind_to_robot=True,
-            compat=None,
+            input=dataclasses.replace(self.input, blind_to_robot=True),
+            compat="none",
         )
 
 

@@ -72,15 +72,11 @@ class Inputs(nn.Module):
     def __init__(self, config: NetworkConfig, statistics: Statistics, frame: str) -> None:
         super().__init__()
         self.config, self.frame = config.input, frame
-        self.blind_to_robot = config.blind_to_robot
         for name, values in zip(Scale._fields, statistics, strict=True):
             self.register_buffer(name, torch.as_tensor(values, dtype=torch.float32).clone())
 
     def forward(self, observation: Observation) -> Features:
         """Return the features; see `make_features`."""
-        if self.blind_to_robot and observation.masks.shape[2] > 1:
-            robotless = torch.cat((observation.masks[..., :-1], torch.zeros_like(observation.masks[..., -1:])), 2)
-            observation = observation._replace(masks=robotless)
         scale = Scale(*(getattr(self, name) for name in Scale._fields))
         return make_features(observation, self.config, scale, self.frame)
 

@@ -1,0 +1,193 @@
+"""`ArrayPolicy`: a trained policy in one file of arrays that acts by NumPy alone. Imports no torch.
+
+The file is an `.npz`: `header`, a text (`Header` as JSON), and the arrays that acting needs, named as in the
+algorithm's `state_dict`.
+"""
+
+import json
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from artiskill.config import check, check_inside, from_mapping, to_mapping
+from artiskill.errors import ArtiSkillError, PolicyError, check_name, shown
+from artiskill.files import atomic_write, check_archive, open_regular, output_path, parse_json
+from artiskill.learning.array_networks import Weights, make_array_network
+from artiskill.learning.features import make_features
+from artiskill.learning.network_config import FRAMES, NetworkConfig
+from artiskill.learning.observation import MOST_MASKS, ObservationArrays, ObservationLayout
+
+FORMAT, VERSION = "artiskill-policy", 1
+# algorithm -> the parts of its `state_dict` that acting needs
+PARTS: Mapping[str, tuple[str, ...]] = {
+    "bc": ("policy.",),
+    "td3bc": ("policy.",),
+    "bcq": ("decoder.", "critics.0.", "latents"),
+}
+_HEADER = "header"
+_MOST_BYTES = 1_000_000_000  # the paper's largest network has 20 MB, twice in BCQ
+_MOST_POINTS, _MOST_AGENT, _MOST_ACTION = 1_000_000, 10_000, 1_000
+_DAMAGED = (
+    OSError,
+    ValueError,
+    LookupError,
+    EOFError,
+    MemoryError,
+    NotImplementedError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a policy file says of itself."""
+
+    task: str
+    algorithm: str
+    control_mode: str  # of the actions
+    sampling: dict[str, Any]  # of the clouds, as `Sampling` has it
+    frame: str  # of their points
+    points: int  # of a cloud
+    masks: int  # of a cloud
+    agent: int  # numbers in the robot's state
+    action: int  # numbers in an action
+    network: NetworkConfig
+
+    def __post_init__(self) -> None:
+        check_name("algorithm", self.algorithm, PARTS)
+        check_name("frame", self.frame, FRAMES)
+        check_inside("points", self.points, (1, _MOST_POINTS))
+        check_inside("masks", self.masks, (0, MOST_MASKS))
+        check_inside("agent", self.agent, (1, _MOST_AGENT))
+        check_inside("action", self.action, (1, _MOST_ACTION))
+
+
+def write_policy(path: Path, header: Header, weights: Mapping[str, np.ndarray]) -> None:
+    """Write a policy file, whole or not at all.
+
+    Args:
+        path: of the file; its name ends in `.npz`.
+        header: what it is.
+        weights: of the whole algorithm, as its `state_dict` names them; what acting needs is written.
+
+    Raises:
+        ConfigError: no file can be written there, or its name ends otherwise.
+    """
+    path = output_path(path)
+    check(path.suffix == ".npz", f"the name of a policy file must end in .npz, not {shown(path.name)}")
+    needed = {name: np.asarray(one) for name, one in weights.items() if name.startswith(PARTS[header.algorithm])}
+    text = json.dumps({"format": FORMAT, "version": VERSION, **to_mapping(header)})
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_write(path) as temporary, temporary.open("wb") as file:
+            np.savez(file, **{_HEADER: np.array(text), **needed})  # type: ignore[arg-type]
+    except OSError as error:
+        raise PolicyError(f"cannot write {str(path)!r}: {error.strerror}") from error
+
+
+class ArrayPolicy:
+    """A policy of a file that `artiskill export-policy` wrote; it sees point clouds, and remembers nothing.
+
+    It acts as the training run that it was exported from, to 1e-5. With `bcq`, where two candidates are worth the
+    same to seven digits, the one or the other may be taken.
+
+    Args:
+        path: of the file.
+
+    Attributes:
+        obs_mode, control_mode, sampling: as evaluation asks of a policy.
+        header: what the file says of itself.
+
+    Raises:
+        PolicyError: there is no such file, or it is damaged, foreign or of another version.
+    """
+
+    obs_mode = "pointcloud"
+
+    def __init__(self, path: Path | str) -> None:
+        self.header, values = _read(Path(path))
+        self.control_mode, self.sampling = self.header.control_mode, self.header.sampling
+        self._layout = ObservationLayout(self.header.points, self.header.masks, self.header.agent)
+        self._input = self.header.network.resolved().input
+        config = self.header.network
+        try:
+            if self.header.algorithm == "bcq":
+                self._latents = values["latents"]
+                decoder, critic = (Weights(values, part) for part in ("decoder.", "critics.0."))
+                self._scale = decoder.scale
+                self._networks = [make_array_network(config, part) for part in (decoder, critic)]
+            else:
+                weights = Weights(values, "policy.")
+                self._scale, self._networks = weights.scale, [make_array_network(config, weights)]
+            shape = self._choose(self._nothing()).shape
+        except (LookupError, ValueError, TypeError) as error:
+            raise PolicyError(f"{str(path)!r} is damaged: its weights do not fit its network") from error
+        if shape != (self.header.action,):
+            raise PolicyError(f"{str(path)!r} is damaged: its weights do not fit its actions")
+
+    def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
+        """Begin an episode: there is nothing to remember."""
+
+    def act(self, observation: Any) -> np.ndarray:
+        """Return the action, (A,) float32 in [-1, 1], of an observation of mode `pointcloud`.
+
+        Raises:
+            ConfigError: an observation of other sizes.
+        """
+        return self._choose(self._layout.observe(observation))
+
+    def _choose(self, arrays: ObservationArrays) -> np.ndarray:
+        """Return the action (A,) for a batch of one observation; as `choose` of the algorithms."""
+        seen = make_features(arrays, self._input, self._scale, self.header.frame)
+        features = self._networks[0].encode(seen)
+        if self.header.algorithm != "bcq":
+            return np.tanh(self._networks[0].head(features))
+        candidates = np.tanh(self._networks[0].head(features, self._latents))  # (M, A)
+        critic = self._networks[1]
+        values = critic.head(critic.encode(seen), candidates)[:, 0]
+        return candidates[values.argmax()]
+
+    def _nothing(self) -> ObservationArrays:
+        """Return an observation of one cloud of padding."""
+        return self._layout.decode(np.zeros(1, dtype=self._layout.dtype))
+
+
+def _read(path: Path) -> tuple[Header, dict[str, np.ndarray]]:
+    """Return the header and the arrays of a policy file.
+
+    Raises:
+        PolicyError: as of `ArrayPolicy`.
+    """
+    try:
+        with open_regular(path) as file:
+            check_archive(file, _MOST_BYTES)
+            with np.load(file, allow_pickle=False) as archive:
+                values = {name: archive[name] for name in archive.files}
+        given = parse_json(str(values.pop(_HEADER)))
+    except FileNotFoundError as error:
+        raise PolicyError(f"there is no policy file {str(path)!r}") from error
+    except _DAMAGED as error:
+        reason = getattr(error, "strerror", None) or "it is no file of `artiskill export-policy`, or cut off"
+        raise PolicyError(f"cannot read {str(path)!r}: {reason}") from error
+    if not isinstance(given, dict) or given.pop("format", None) != FORMAT:
+        raise PolicyError(f"{str(path)!r} is no file of `artiskill export-policy`")
+    version = given.pop("version", None)
+    if version != VERSION:
+        raise PolicyError(
+            f"{str(path)!r} is a policy file of version {shown(version)}; this version of artiskill reads "
+            f"{VERSION}: use the version of artiskill that exported it, or export it anew"
+        )
+    try:
+        header = from_mapping(Header, given, _HEADER)
+    except ArtiSkillError as error:
+        raise PolicyError(f"{str(path)!r} is damaged: {error}") from error
+    for name, value in values.items():
+        if value.dtype != np.float32 or not np.isfinite(value).all():
+            raise PolicyError(f"{str(path)!r} is damaged: {shown(name)} holds something else than finite numbers")
+    return header, values
