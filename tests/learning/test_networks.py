@@ -8,6 +8,7 @@ torch = pytest.importorskip("torch")
 
 from tests.learning.clouds import CABINET, CHAIR, make, observe, plain_statistics
 
+from artiskill.learning import networks
 from artiskill.learning.batch import Observation, Sizes
 from artiskill.learning.network_config import NETWORKS, load_network_config
 from artiskill.learning.networks import PointEncoder, make_network
@@ -57,9 +58,20 @@ def test_gradients_equal_those_of_all_points(name: str, monkeypatch: pytest.Monk
         return [parameter.grad.clone() for parameter in network.parameters()]
 
     found = gradients()
-    monkeypatch.setattr(PointEncoder, "_winners", lambda self, points, state, group: group)
+    monkeypatch.setattr(
+        PointEncoder, "_maxima", lambda self, *seen: (self._each(*seen[:2]) * seen[2][..., None]).amax(1)
+    )
     for mine, plain in zip(found, gradients(), strict=True):
         torch.testing.assert_close(mine, plain, atol=2e-5, rtol=1e-4)
+
+
+def test_clouds_are_searched_a_few_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    network, seen = make("small"), observe(batch=7)
+    whole = network(seen)
+    monkeypatch.setattr(networks, "_POINTS_AT_ONCE", 64)  # two clouds of those points that count
+    torch.testing.assert_close(network(seen), whole)
+    with torch.no_grad():
+        torch.testing.assert_close(network(seen), whole)
 
 
 @pytest.mark.parametrize("name", NETWORKS)

@@ -17,6 +17,7 @@ from artiskill.learning.features import Features, Scale, feature_sizes, make_fea
 from artiskill.learning.network_config import NetworkConfig, TransformerConfig
 
 _WORTH_GATHERING = 0.8  # share of points below which the layers are spared the others
+_POINTS_AT_ONCE = 2048  # in a search for maxima: their widest features are 2 to 4 MB
 _TOKEN_STD = 0.02
 
 
@@ -122,8 +123,8 @@ class PointEncoder(nn.Module):
         state = None if state is None else state[:, None]
         if points.device.type == "cpu":
             points, group = _gather(points, group, group)
-            if torch.is_grad_enabled() and not self.means:
-                points, group = _gather(points, group, self._winners(points, state, group))
+            if not self.means:
+                return self.norm(self._maxima(points, state, group))
         each = self._each(points, state) * group[..., None]
         if not self.means:
             return self.norm(each.amax(1))
@@ -132,17 +133,36 @@ class PointEncoder(nn.Module):
 
     def _each(self, points: Tensor, state: Tensor | None) -> Tensor:
         """Return features (B, N, F) of each point, none below 0."""
-        x = relu(self.joint(points, state))
+        in_place = not torch.is_grad_enabled()
+        x = relu(self.joint(points, state), in_place)
         for layer in self.layers:
-            x = relu(layer(x))
+            x = relu(layer(x), in_place)
         return x
 
+    def _maxima(self, points: Tensor, state: Tensor | None, group: Tensor) -> Tensor:
+        """Return the largest feature (B, F) of each channel."""
+        if not torch.is_grad_enabled():
+            return self._search(points, state, group)[0]
+        points, group = _gather(points, group, self._search(points, state, group)[1])
+        each = self._each(points, state)
+        return (each if group.all() else each * group[..., None]).max(1).values
+
     @torch.no_grad()
-    def _winners(self, points: Tensor, state: Tensor | None, group: Tensor) -> Tensor:
-        """Return (B, N), 1 for points that have the maximum of some channel."""
-        each = self._each(points, state) * group[..., None]
-        best = each.amax(1, keepdim=True)
-        return ((each == best) & (best > 0)).any(2).to(points.dtype)
+    def _search(self, points: Tensor, state: Tensor | None, group: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the maxima (B, F), and (B, N), 1 for points that have one above 0.
+
+        It takes a few clouds at a time: what it computes of them stays in the cache.
+        """
+        size = max(1, _POINTS_AT_ONCE // points.shape[1])
+        states = [None] * len(points) if state is None else state.split(size)
+        found = []
+        for some, its_state, inside in zip(points.split(size), states, group.split(size), strict=False):
+            each = self._each(some, its_state).mul_(inside[..., None])
+            best = each.amax(1, keepdim=True)
+            behind = each.sub_(torch.where(best > 0, best, torch.inf))  # 0 where a point has the maximum
+            found.append((best[:, 0], behind.amax(2) == 0))
+        maxima, wins = zip(*found, strict=True)
+        return torch.cat(maxima), torch.cat(wins).to(points.dtype)
 
 
 def _gather(points: Tensor, group: Tensor, wanted: Tensor) -> tuple[Tensor, Tensor]:
