@@ -71,7 +71,7 @@ def test_noise_on_next_actions_is_cut_off() -> None:
 
 
 def test_targets_are_bounded_unless_as_in_2021() -> None:
-    for compat, expected in ((None, -0.1), ("paper2021", -0.2 + 0.5 * 4)):
+    for compat, expected in (("none", -0.1), ("paper2021", -0.2 + 0.5 * 4)):
         td3bc = linear_td3bc(replace(CONFIG, action_noise=0, compat=compat))
         for target in td3bc.critic_targets:
             set_linear(target.network, [[0.0, 0.0]], [4.0])

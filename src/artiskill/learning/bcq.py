@@ -47,7 +47,7 @@ class BCQConfig:
     train_candidates: int  # decoded per next observation in training
     act_candidates: int  # decoded per observation in acting
     latent_seed: int  # of the latents of acting, which never change
-    compat: Literal["paper2021"] | None = None  # some values as in the code of the ManiSkill paper, see `resolved`
+    compat: Literal["none", "paper2021"] = "none"  # some values as in the paper's code, see `resolved`
 
     def __post_init__(self) -> None:
         check_positive(self, "critic_learning_rate", "vae_learning_rate", "latent_bound", "reward_scale")
@@ -61,7 +61,7 @@ class BCQConfig:
 
     def resolved(self) -> "BCQConfig":
         """Return the values with those laid over them that `compat` stands for."""
-        if self.compat is None:
+        if self.compat == "none":
             return self
         return replace(
             self,
@@ -70,7 +70,7 @@ class BCQConfig:
             weight_decay=5e-6,
             reward_scale=1.0,
             largest_value=None,
-            compat=None,
+            compat="none",
         )
 
 

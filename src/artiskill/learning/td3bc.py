@@ -45,7 +45,7 @@ class TD3BCConfig:
     action_noise: float  # standard deviation of the noise on the next action
     noise_bound: float  # where that noise is cut off
     policy_interval: int  # steps of the critics per step of the policy
-    compat: Literal["paper2021"] | None = None  # some values as in the code of the ManiSkill paper, see `resolved`
+    compat: Literal["none", "paper2021"] = "none"  # some values as in the paper's code, see `resolved`
 
     def __post_init__(self) -> None:
         check_positive(self, "critic_learning_rate", "policy_learning_rate", "policy_interval", "reward_scale")
@@ -55,7 +55,7 @@ class TD3BCConfig:
 
     def resolved(self) -> "TD3BCConfig":
         """Return the values with those laid over them that `compat` stands for."""
-        if self.compat is None:
+        if self.compat == "none":
             return self
         return replace(
             self,
@@ -64,7 +64,7 @@ class TD3BCConfig:
             weight_decay=5e-6,
             reward_scale=1.0,
             largest_value=None,
-            compat=None,
+            compat="none",
         )
 
 
