@@ -50,8 +50,32 @@ class World:
     limit_s: float | None = None
 
 
+@dataclasses.dataclass(frozen=True)
+class SlowPhysics(Physics):
+    """A subclass with a check of its own, which does not call the one of its base."""
+
+    most_s: float = 1.0
+
+    def __post_init__(self) -> None:
+        check(self.timestep_s < self.most_s, f"timestep_s must lie below {self.most_s}, not {self.timestep_s}")
+
+
+@dataclasses.dataclass(frozen=True)
+class SlowWorld:
+    physics: SlowPhysics
+
+
 def build(text: str) -> World:
     return from_mapping(World, yaml.safe_load(text), source="world.yaml")
+
+
+@pytest.mark.parametrize(
+    ("timestep_s", "says"), [(2, r"timestep_s must lie below 1\.0"), (0, "timestep_s must be positive, not 0")]
+)
+def test_a_subclass_keeps_the_checks_of_its_base(timestep_s: float, says: str) -> None:
+    with pytest.raises(ConfigError, match=rf"world\.yaml: physics\.{says}"):
+        from_mapping(SlowWorld, {"physics": {"timestep_s": timestep_s}}, source="world.yaml")
+    assert from_mapping(SlowWorld, {"physics": {"timestep_s": 0.5}}).physics.most_s == 1.0
 
 
 def test_a_full_mapping() -> None:

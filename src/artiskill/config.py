@@ -1,7 +1,8 @@
 """YAML files and mappings to frozen dataclasses, with errors that name the key.
 
-A config class is a frozen dataclass whose `__post_init__` checks its own values and raises `ConfigError`. YAML
-holds values only; which keys exist, their types and their meaning stand in the dataclass.
+A config class is a frozen dataclass whose `__post_init__` checks its own values and raises `ConfigError`. Checks
+of its base classes run in any case. YAML holds values only; which keys exist, their types and their meaning stand
+in the dataclass.
 """
 
 import dataclasses
@@ -198,13 +199,13 @@ def check_range(config: object, *names: str, lowest: float = -math.inf) -> None:
 def check_positive(config: object, *names: str) -> None:
     """Check that each field is positive and finite."""
     for name in names:
-        check_value(config, name, 0 < getattr(config, name) < math.inf, "must be positive, and finite")
+        check_value(config, name, 0 < getattr(config, name) < math.inf, "must be positive and finite")
 
 
 def check_not_negative(config: object, *names: str) -> None:
     """Check that each field is zero or positive, and finite."""
     for name in names:
-        check_value(config, name, 0 <= getattr(config, name) < math.inf, "must not be negative, and finite")
+        check_value(config, name, 0 <= getattr(config, name) < math.inf, "must be finite and at least 0")
 
 
 def check_inside(what: str, value: float, limits: Sequence[float]) -> None:
@@ -233,7 +234,9 @@ def _build(cls: Any, data: Any, path: str) -> Any:
             raise ConfigError(f"{where}unknown key {shown(key)}; {_nearest(key, legal)}Legal: {', '.join(legal)}.")
     fitted = {key: _fit(hints[key], value, _join(path, key)) for key, value in data.items()}
     try:
-        return dacite.from_dict(cls, fitted)
+        built = dacite.from_dict(cls, fitted)
+        _check_as_bases(built)
+        return built
     except dacite.MissingValueError as error:
         raise ConfigError(f"key {_join(path, error.field_path)!r} is missing") from error
     except dacite.WrongTypeError as error:
@@ -245,6 +248,13 @@ def _build(cls: Any, data: Any, path: str) -> Any:
         raise ConfigError(_placed(path, str(error), legal)) from error
     except (TypeError, ValueError) as error:
         raise ConfigError(f"{path or 'it'}: a value has the wrong type: {error}") from error
+
+
+def _check_as_bases(config: Any) -> None:
+    """Run the checks of base classes: a subclass with a `__post_init__` of its own need not call theirs."""
+    checks = [vars(kind)["__post_init__"] for kind in type(config).__mro__ if "__post_init__" in vars(kind)]
+    for base_check in checks[1:]:  # the first has run
+        base_check(config)
 
 
 def _join(path: str, key: object) -> str:

@@ -10,6 +10,7 @@ import pytest
 
 import artiskill
 from artiskill.assets.catalog import load_object
+from artiskill.assets.needs import TASK_NEEDS, Needs
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.sampling import EpisodeSampler
 from artiskill.envs.state import EnvState
@@ -223,10 +224,14 @@ def test_rendering_needs_an_episode() -> None:
         ManipulationEnv(objects=DRAWERS, render_mode="rgb_array").render()
 
 
-def test_an_object_without_target_is_refused(env: ManipulationEnv) -> None:
+def test_an_object_without_target_is_refused(env: ManipulationEnv, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever the task says are its targets: nothing is drawn from none."""
     task = dataclasses.replace(env.task, targets=lambda obj: ())
-    with pytest.raises(AssetError, match="'cabinet-0005' has no link that OpenCabinetDrawer could be done with"):
+    says = "'cabinet-0005' has no link that OpenCabinetDrawer could be done with"
+    with pytest.raises(AssetError, match=f"{says}$"):
+        EpisodeSampler(task, "cabinet-0005").draw(0)
+    monkeypatch.setitem(TASK_NEEDS, "OpenCabinetDrawer", Needs("OpenCabinetDrawer", "cabinet", None))
+    with pytest.raises(AssetError, match=f"{says}; register the task with motion=, and splits leave such"):
         EpisodeSampler(task, "cabinet-0005").draw(0)
 
 

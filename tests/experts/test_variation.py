@@ -195,7 +195,7 @@ def test_no_strength_no_push() -> None:
         ({"burst_steps": [0, 4]}, "burst_steps must be two rising whole numbers from 1 on"),
         ({"burst_steps": [3, 9]}, "burst_steps must not exceed 8: more is a drift"),
         ({"gap_steps": [1.5, 4]}, "gap_steps"),
-        ({"arm_rad": -0.1}, "arm_rad must not be negative"),
+        ({"arm_rad": -0.1}, "arm_rad must be finite and at least 0"),
         ({"arm_m": 0.1}, "did you mean 'arm_rad'"),
     ],
 )

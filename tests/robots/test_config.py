@@ -65,7 +65,7 @@ def test_robots_of_ones_own_that_make_no_sense(tmp_path: Path):
         ("drives.arm_damping", "much", "a number was expected"),
         ("drives.arm_damping", 0, "arm_damping must be positive"),
         ("drives.filter_cutoff_hz", -40, "filter_cutoff_hz must be positive"),
-        ("drives.joint_friction", -0.1, "joint_friction must not be negative"),
+        ("drives.joint_friction", -0.1, "joint_friction must be finite and at least 0, not -0.1"),
         ("drives.arm_armature", math.nan, "arm_armature: a number was expected, not nan"),
         ("actions.yaw_rate_rad_s", 0, "yaw_rate_rad_s must be positive"),
         ("actions.yaw_rate_rad_s", math.inf, "yaw_rate_rad_s must be positive"),

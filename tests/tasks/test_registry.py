@@ -1,5 +1,6 @@
 """Registering tasks: what is refused and why, what worker processes know, what the command line loads."""
 
+import dataclasses
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +16,7 @@ from artiskill.cli.main import main
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError, UnknownNameError
 from artiskill.evaluation.evaluate import evaluate
+from artiskill.experts.registry import make_expert
 from artiskill.experts.variation import load_variation
 from artiskill.tasks import registry
 from artiskill.tasks.registry import INHERITED, load_task, make_task, task_names, task_spec
@@ -84,9 +86,30 @@ def test_a_variant_is_a_yaml_file(yaml: Path) -> None:
     }
 
 
+def test_a_task_that_is_like_another_one(yaml: Path) -> None:
+    artiskill.register_task("PushChairFar", config_file=yaml, like="PushChair")
+    mine, theirs = task_spec("PushChairFar"), task_spec("PushChair")
+    assert mine == dataclasses.replace(theirs, name="PushChairFar", config_file=str(yaml.resolve()))
+    assert load_variation("PushChairFar") == load_variation("PushChair")
+    assert type(make_expert("PushChairFar", make_task("PushChairFar").robot)).__name__ == "PushChairExpert"
+
+    yaml.write_text("like: open_cabinet_drawer\nname: EasyDrawer\nsuccess: {open_fraction: 0.5}\n")
+    artiskill.register_task("EasyDrawer", config_file=yaml, like="OpenCabinetDrawer", expert="far_chairs:Mine")
+    assert (task_spec("EasyDrawer").motion, task_spec("EasyDrawer").expert) == ("prismatic", "far_chairs:Mine")
+    assert list_objects(task="EasyDrawer") == list_objects(task="OpenCabinetDrawer")
+
+
+def test_what_a_task_must_have(yaml: Path) -> None:
+    with pytest.raises(ConfigError, match=r"task Mine: give category=, or the task that it is like=: OpenCabinet"):
+        artiskill.register_task("Mine", config_file=yaml)
+    with pytest.raises(ConfigError, match="task Mine: give entry_point=, or the task"):
+        artiskill.register_task("Mine", config_file=yaml, category="chair")
+
+
 @pytest.mark.parametrize(
     ("changes", "error", "says"),
     [
+        ({"like": "PushChairs"}, UnknownNameError, "unknown task 'PushChairs'; did you mean 'PushChair'"),
         (
             {"name": "Push Chair"},
             ConfigError,
@@ -133,6 +156,13 @@ def test_an_entry_point_is_looked_at_when_the_task_is_made(entry_point: str, say
         make_task("PushChairFar")
 
 
+def test_an_entry_point_returns_a_task(package: None) -> None:
+    load_task("far_chairs:PushChairFar")
+    sys.modules["far_chairs"].make_far.__code__ = (lambda config: None).__code__
+    with pytest.raises(ConfigError, match="PushChairFar: far_chairs:make_far must return a Task, not None"):
+        make_task("PushChairFar")
+
+
 def test_the_file_must_be_the_tasks(yaml: Path) -> None:
     artiskill.register_task("Chairs", config_file=yaml, **OWN)
     with pytest.raises(
@@ -158,7 +188,7 @@ def test_a_file_like_itself(yaml: Path) -> None:
 
 def test_without_variation(yaml: Path) -> None:
     artiskill.register_task("PushChairFar", config_file=yaml, **OWN)
-    with pytest.raises(ConfigError, match="PushChairFar has nothing that varies between demonstrations"):
+    with pytest.raises(ConfigError, match=r"PushChairFar has no variation file, .* register it with .*like="):
         load_variation("PushChairFar")
 
 

@@ -167,7 +167,9 @@ def test_an_added_term_counts_beside_the_others() -> None:
     np.testing.assert_array_equal(more.dense_reward(terms | {"fast": np.array([-0.5, 0.0])}), [-3.125, -1.0])
     for name, weight, message in (
         ("stage", 1.0, "there is a reward term 'stage' already"),
-        ("x", -1.0, "at least 0"),
+        ("x", -1.0, "the weight of 'x' must be a finite number of at least 0, not -1.0"),
+        ("x", "1", "not '1'"),
+        ("x", float("inf"), "not inf"),
     ):
         with pytest.raises(ConfigError, match=message):
             task.with_reward_term(name, lambda snapshot, goal, flags: np.zeros(1), weight)

@@ -61,6 +61,7 @@ class Episodes:
         self.flags: dict[str, np.ndarray] = {}
         self.terms: dict[str, np.ndarray] = {}
         self._goal_of = lru_cache(_GOALS)(task.make_goal)
+        self._is_checked = False  # what the task's functions return
 
     @property
     def begun(self) -> bool:
@@ -155,15 +156,21 @@ class Episodes:
         return diverged
 
     def evaluate(self) -> None:
-        """Compute flags and reward terms of the present snapshots."""
+        """Compute flags and reward terms of the present snapshots.
+
+        Raises:
+            ConfigError: the first time, that the task's functions return something else than they should.
+        """
         self.flags, self.terms = {}, {}
+        evaluate = self.task.evaluate if self._is_checked else self.task.evaluate_checked
         for batch in self.group.batches:
-            flags, terms = self.task.evaluate(batch.snapshot, batch.goal)
+            flags, terms = evaluate(batch.snapshot, batch.goal)
             if batch.in_order:
                 self.flags, self.terms = flags, terms
             else:
                 _scatter(flags, batch, self.count, self.flags)
                 _scatter(terms, batch, self.count, self.terms)
+        self._is_checked = True
 
     def advance(self, active: np.ndarray | None = None) -> None:
         """Count one step with the present flags, of all environments or of the active ones, (B,) bool."""

@@ -4,6 +4,7 @@ These are `ArtiSkill/<Task>-v0`, `ArtiSkill/<Task>_<object>-v0` and `ArtiSkill/<
 """
 
 import warnings
+from dataclasses import asdict
 from importlib.metadata import entry_points
 from pathlib import Path
 
@@ -11,8 +12,15 @@ import gymnasium as gym
 
 from artiskill.assets.articulated_object import Category, JointKind
 from artiskill.assets.catalog import list_objects, read_catalog
-from artiskill.config import CONFIG_DIR
-from artiskill.tasks.registry import TaskSpec, add_inherited_tasks, add_task, bequeath_task
+from artiskill.config import CONFIG_DIR, check
+from artiskill.tasks.registry import (
+    TaskSpec,
+    add_inherited_tasks,
+    add_task,
+    bequeath_task,
+    task_names,
+    task_spec,
+)
 
 NAMESPACE = "ArtiSkill"
 ENTRY_POINT_GROUP = "artiskill.tasks"
@@ -30,9 +38,10 @@ _OWN_TASKS: tuple[tuple[str, str, str, Category, JointKind | None], ...] = (
 def register_task(
     name: str,
     *,
-    category: Category,
-    entry_point: str,
     config_file: str | Path,
+    like: str | None = None,
+    category: Category | None = None,
+    entry_point: str | None = None,
     motion: JointKind | None = None,
     expert: str | None = None,
     variation_file: str | Path | None = None,
@@ -43,22 +52,34 @@ def register_task(
 
     Args:
         name: letters and digits, `TurnChair`; its environment is then `ArtiSkill/TurnChair-v0`.
+        config_file: the YAML file with the configuration's values.
+        like: the name of a registered task, which gives what is not given below. The YAML file has a key `like` of
+            its own, for its values.
         category: of its objects: `cabinet`, `chair` or `bucket`.
         entry_point: `module:function`. The function takes the task's configuration, annotated with its class (a
             subclass of `TaskConfig`), and returns the `Task`.
-        config_file: the YAML file with the configuration's values.
         motion: how the target link moves, `prismatic` or `revolute`, if the task opens one; objects without such
             a link are refused.
         expert: `module:Class` of the task's expert, if there is one; the class takes robot and configuration.
         variation_file: the YAML file with what varies between the expert's demonstrations.
 
     Raises:
-        UnknownNameError: there is no such category or motion.
-        ConfigError: another task has this name, a name is illegal, or a file does not exist.
+        UnknownNameError: there is no such task, category or motion.
+        ConfigError: category or entry point is missing, another task has this name, a name is illegal, or a file
+            does not exist.
     """
-    files = (None if file is None else str(Path(file).resolve()) for file in (config_file, variation_file))
-    config_path, variation_path = files
-    spec = TaskSpec(name, category, entry_point, str(config_path), motion, expert, variation_path)
+    inherited = {} if like is None else asdict(task_spec(like))
+    given = {
+        "category": category,
+        "entry_point": entry_point,
+        "motion": motion,
+        "expert": expert,
+        "variation_file": None if variation_file is None else str(Path(variation_file).resolve()),
+    }
+    values = inherited | {key: value for key, value in given.items() if value is not None}
+    for key in ("category", "entry_point"):
+        check(key in values, f"task {name}: give {key}=, or the task that it is like=: {', '.join(task_names())}")
+    spec = TaskSpec(**values | {"name": name, "config_file": str(Path(config_file).resolve())})
     add_task(spec)
     if CONFIG_DIR not in Path(spec.config_file).parents:  # workers know the tasks of this package anyway
         bequeath_task(spec)

@@ -86,10 +86,14 @@ class EpisodeSampler:
             UnknownNameError: no such target.
             AssetError: an object of another category, or without a target.
         """
-        TASK_NEEDS[self.task.name].check_object(obj)
+        needs = TASK_NEEDS[self.task.name]
+        needs.check_object(obj)
         targets = self.task.targets(obj)
         if not targets:
-            raise AssetError(f"object {obj.id!r} has no link that {self.task.name} could be done with")
+            raise AssetError(
+                f"object {obj.id!r} has no link that {self.task.name} could be done with"
+                f"{'' if needs.motion else '; register the task with motion=, and splits leave such objects out'}"
+            )
         if target is not None:
             check_name("target link", target, targets, f"(object {obj.id!r}, {self.task.name})")
         return targets

@@ -42,8 +42,8 @@ def make_expert(task: str, robot: RobotConfig, config: Any = None) -> Expert:
     if reference is None:
         with_one = (name for name in task_names() if task_spec(name).expert is not None)
         raise PolicyError(
-            f"there is no expert for {task}; tasks with one: {', '.join(with_one)}. A task that resembles one of "
-            "them may name its expert when it is registered: docs/experts.md lists them"
+            f"there is no expert for {task}; tasks with one: {', '.join(with_one)}. Register a "
+            "task that resembles one of them with like=, or with expert=: docs/experts.md lists them"
         )
     expert: Expert = load_reference(reference, f"expert of {task}")(robot, config)
     return expert

@@ -82,8 +82,8 @@ def load_variation(task: str) -> VariationConfig:
     file = task_spec(task).variation_file
     if file is None:
         raise ConfigError(
-            f"{task} has nothing that varies between demonstrations: register it with a variation_file, or "
-            "collect with --plain (variety=False)"
+            f"{task} has no variation file, which says how demonstrations vary: register it with variation_file= "
+            "or like=, or collect with --plain (variety=False)"
         )
     return load_config(VariationConfig, Path(file))
 

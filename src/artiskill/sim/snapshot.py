@@ -27,6 +27,7 @@ class Snapshot:
         robot_joint_anchor_w: (B, R, 3) a point on each joint's axis.
         robot_joint_axis_w: (B, R, 3) unit direction of each joint.
         finger_line_w: (B, T, 2, 3) where each finger's line starts and ends: it runs along the pad to the tip.
+        fingertip_position_w: (B, T, 3) the ends of these lines.
         fingertip_velocity_w: (B, T, 3).
         tool_position_w: (B, A, 3) centre between the pads.
         tool_rotation_w: (B, A, 3, 3) columns: the hand's axes; z forward, the fingers close along y.
@@ -39,6 +40,8 @@ class Snapshot:
         link_position_w: (B, L, 3) frames of the object's links.
         link_quaternion_w: (B, L, 4).
         link_rotation_w: (B, L, 3, 3) the same orientations as matrices.
+        link_speed_m_s: (B, L) mean speed of each link's frame over the last environment step.
+        link_angular_speed_rad_s: (B, L) mean angular speed of each link over the last environment step.
         previous_link_position_w: (B, L, 3) one environment step ago; at the first state, that state's.
         previous_link_quaternion_w: (B, L, 4).
         body_position_w: (B, N, 3) of everything that is drawn.

@@ -141,6 +141,8 @@ def make_task(name: str, overrides: Mapping[str, Any] | None = None) -> "Task":
     if len(hints) != 1 or not issubclass(hints[0], tasks.TaskConfig):
         raise ConfigError(f"task {name}: {spec.entry_point} must take one argument, annotated with its TaskConfig")
     task: Task = make(tasks.load_task_config(hints[0], Path(spec.config_file), overrides))
+    if not isinstance(task, tasks.Task):
+        raise ConfigError(f"task {name}: {spec.entry_point} must return a Task, not {shown(task)}")
     if task.name != name:
         raise ConfigError(f"task {name}: its configuration has another name, {task.name!r}, in {spec.config_file}")
     return task

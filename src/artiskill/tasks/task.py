@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from numbers import Real
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, cast
 
@@ -22,6 +23,7 @@ from artiskill.sensors.render_config import RenderConfig, render_mapping
 from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import InitialState
 from artiskill.tasks.staged_reward import StageTable
+from artiskill.tasks.validation import check_flags, check_parts, check_terms
 
 Goal = Any  # each task has its own frozen dataclass, whose arrays have the batch dimension first
 Flags = dict[str, Array]
@@ -150,6 +152,9 @@ class Task:
     masks: Callable[[Scene, str], np.ndarray]
     describe_progress: Callable[[Snapshot, Goal], str] | None = None
 
+    def __post_init__(self) -> None:
+        check_parts(self)
+
     @property
     def name(self) -> str:
         """Name of the task, as in environment ids: `OpenCabinetDrawer`."""
@@ -196,8 +201,10 @@ class Task:
         Raises:
             ConfigError: there is such a term already, or the weight is no number of at least 0.
         """
-        check(name not in self.reward_weights, f"there is a reward term {name!r} already")
-        check(math.isfinite(weight) and weight >= 0, f"the weight of {name} must be at least 0, not {weight}")
+        taken = {*self.reward_table.terms, *self.reward_weights}
+        check(name not in taken, f"there is a reward term {name!r} already")
+        legal = isinstance(weight, Real) and 0 <= weight < math.inf
+        check(legal, f"the weight of {name!r} must be a finite number of at least 0, not {shown(weight)}")
 
         def reward_terms(snapshot: Snapshot, goal: Goal, flags: Flags) -> dict[str, Array]:
             return self.reward_terms(snapshot, goal, flags) | {name: term(snapshot, goal, flags)}
@@ -208,6 +215,18 @@ class Task:
         """Return flags and reward terms of a step."""
         flags = self.flags(snapshot, goal)
         return Evaluation(flags, self.reward_terms(snapshot, goal, flags))
+
+    def evaluate_checked(self, snapshot: Snapshot, goal: Goal) -> Evaluation:
+        """Return what `evaluate` does, once it is certain that the task's functions return what they should.
+
+        Raises:
+            ConfigError: they return something else; the message names flag or term, and what is legal.
+        """
+        flags = self.flags(snapshot, goal)
+        check_flags(self, flags, len(snapshot.time_s))
+        terms = self.reward_terms(snapshot, goal, flags)
+        check_terms(self, terms, len(snapshot.time_s))
+        return Evaluation(flags, terms)
 
     def dense_reward(self, terms: Mapping[str, Array]) -> Array:
         """Return the weighted sum of reward terms: (B,) of such arrays, a number of numbers, the same bits."""
