@@ -4,6 +4,8 @@ MyST reads the same Markdown that people read in the repository. Autodoc makes t
 Nothing is fetched while it builds or while the site is read.
 """
 
+import dataclasses
+import inspect
 import re
 from importlib.metadata import version as installed_version
 
@@ -66,6 +68,19 @@ def _convert_markdown(app, what, name, obj, options, lines: list[str]) -> None:
     lines[:] = found
 
 
+def _list_fields(app, what, name, obj, options, lines: list[str]) -> None:
+    """Make a section of the comments that the fields of a dataclass have instead of one."""
+    if what == "class" and dataclasses.is_dataclass(obj) and "Attributes:" not in lines:
+        source = inspect.getsource(obj)
+        comments = dict(re.findall(r"^    (\w+): .*?  # (.*)$", source, re.MULTILINE))
+        lines += [
+            "Attributes:",
+            *(f"    {f.name}: {comments.get(f.name, '')}" for f in dataclasses.fields(obj)),
+            "",
+        ]
+
+
 def setup(app) -> None:
     """Connect what Sphinx calls while it reads docstrings."""
+    app.connect("autodoc-process-docstring", _list_fields, priority=400)  # before sections are read
     app.connect("autodoc-process-docstring", _convert_markdown)

@@ -6,6 +6,7 @@ A comment in the page, in the line before a block, says what else is to be done 
     <!-- slow -->                     a slow test of `LOOKED_AT` runs it, and looks at what it made
 """
 
+import importlib
 import re
 import shlex
 import subprocess
@@ -120,6 +121,14 @@ def test_the_reference_has_every_public_name() -> None:
     reference = (ROOT / "docs" / "api" / "index.md").read_text(encoding="utf-8")
     documented = re.findall(r"^\.\. auto\w+:: (\w+)$", reference, re.M)
     assert sorted(documented) == sorted(set(artiskill.__all__) - {"__version__"})
+
+
+def test_the_reference_names_what_there_is() -> None:
+    reference = (ROOT / "docs" / "api" / "index.md").read_text(encoding="utf-8")
+    names = re.findall(r"^\.\. auto\w+:: artiskill\.([\w.]+)$", reference, re.M)
+    assert len(names) > 20
+    for module, _, name in (f"artiskill.{name}".rpartition(".") for name in names):
+        assert getattr(importlib.import_module(module), name).__doc__, name
 
 
 def test_every_page_is_in_the_table_of_contents() -> None:

@@ -120,7 +120,11 @@ def test_illegal_actions(env: ManipulationEnv, action: object, says: str) -> Non
         ({"config": {"motion": "revolute"}}, ConfigError, "cannot be changed"),
         ({"config": {"name": "Foo"}}, ConfigError, "cannot be changed"),
         ({"config": [1]}, ConfigError, "mapping"),
-        ({"config": {"initial.heading_noise_rad": -1}}, ConfigError, "negative"),
+        (
+            {"config": {"initial.heading_noise_rad": -1}},
+            ConfigError,
+            "heading_noise_rad must be finite and at least 0, not -1",
+        ),
         ({"config": {"initial.robot_circle_radius_m": [1, float("inf")]}}, ConfigError, "range"),
         (
             {"config": {"initial.robot_circle_center_m": [float("nan"), 0]}},

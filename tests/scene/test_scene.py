@@ -161,7 +161,7 @@ def test_scenes_are_remembered_and_never_changed() -> None:
         ({"control_steps_per_step": 0}, "at least 1"),
         ({"contact": {"time_constant_steps": 1}}, "stability"),
         ({"contact": {"impedance": [1, 2]}}, "impedance|5"),
-        ({"contact": {"finger_friction": -1}}, "negative"),
+        ({"contact": {"finger_friction": -1}}, "finger_friction must be finite and at least 0, not -1"),
         ({"contact": {"finger_frictoin": 1}}, "finger_friction"),
     ],
 )
