@@ -23,6 +23,7 @@ class ProgressBar:
         from rich.console import Console
 
         self._title, self._total, self._unit = title, total, unit
+        self._text = ""
         self._done = self._skipped = self._successes = self._counted = 0
         self._start = self._line_at = time.perf_counter()
         self._bar: rich_progress.Progress | None = None
@@ -66,6 +67,11 @@ class ProgressBar:
             self._counted += 1
             self._show_done(self._done)
 
+    def show(self, done: int, text: str = "") -> None:
+        """Show how many units are done, and the latest of what there is to say about them."""
+        self._text = text
+        self._show_done(done)
+
     def print(self, line: str) -> None:
         """Print a line, above the bar where there is one."""
         if self._bar is not None:
@@ -98,7 +104,8 @@ class ProgressBar:
 
     def _note(self) -> str:
         solved = f"{self._successes / self._counted:.0%} solved, " if self._counted else ""
-        return f"{solved}{self._rate():.1f}/s"
+        text = f"{self._text}, " if self._text else ""
+        return f"{solved}{text}{self._rate():.1f}/s"
 
     def _rate(self) -> float:
         return (self._done - self._skipped) / max(time.perf_counter() - self._start, 1e-9)

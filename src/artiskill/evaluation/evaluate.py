@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib import import_module
 from typing import Any, TypeVar
 
 import numpy as np
@@ -17,6 +18,7 @@ from artiskill.evaluation.policies import (
     Actor,
     TimedActor,
     check_time_limit,
+    is_run,
     load_policy,
     load_within,
 )
@@ -119,6 +121,8 @@ def run_batches(
     isolated = plan.is_solution or step_timeout_s is not None or min(workers, len(batches)) > 1
     if isolated:
         fork_server().prepare(partial(_warm_up, replace(batches[0], policy="still")))
+        if is_run(plan.policy):  # torch takes seconds to import
+            fork_server().prepare(partial(import_module, "artiskill.learning.policy"))
     load_timeout_s = plan.load_timeout_s if isolated else None
     jobs = [BatchJob(batch, load_timeout_s, step_timeout_s) for batch in batches]
     return run_jobs(

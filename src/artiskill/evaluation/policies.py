@@ -18,6 +18,7 @@ from artiskill.evaluation.solution import Solution, read_solution
 from artiskill.experts.registry import Expert, make_expert
 from artiskill.files import is_folder
 from artiskill.jobs.worker import NO_DEADLINE, Deadline, Send
+from artiskill.learning.array_policy import ArrayPolicy
 from artiskill.learning.run import load_run, weights_digest
 from artiskill.tasks.levels import RngStream, level_generator
 
@@ -182,7 +183,7 @@ class TimedActor(Actor):
         self._send(Deadline(f"{self.name}: {what} within {self._limit_s:g} s ({where})", self._limit_s))
 
 
-CHECKPOINT = ".pt"
+CHECKPOINT, ARRAYS = ".pt", ".npz"
 _ACTORS: Mapping[str, Callable[[], Actor]] = {
     "expert": ExpertActor,
     "demonstrator": DemonstratorActor,
@@ -196,9 +197,9 @@ def load_policy(policy: Any) -> Actor:
     """Return the actor of a name, of a file or folder, or of a function or `Policy` object.
 
     Args:
-        policy: one of `POLICY_NAMES`, the path of a Python file (see docs/evaluation.md) or of the folder of a
-            training run, a function (observation) -> action, or an object with `obs_mode`, `reset`, `act` and
-            perhaps `control_mode` and `sampling`.
+        policy: one of `POLICY_NAMES`, the path of a Python file (see docs/evaluation.md), of the folder of a
+            training run or of a file exported from it, a function (observation) -> action, or an object with
+            `obs_mode`, `reset`, `act` and perhaps `control_mode` and `sampling`.
 
     Raises:
         UnknownNameError: text that is neither a policy's name nor looks like a Python file or a run's folder.
@@ -209,7 +210,9 @@ def load_policy(policy: Any) -> Actor:
     if path is not None:
         return SolutionActor(read_solution(path))
     if is_run(policy):
-        return SolutionActor(Solution.of_object(load_run(policy), str(policy)))
+        path = Path(policy)
+        learned = ArrayPolicy(path) if path.suffix == ARRAYS else load_run(path)
+        return SolutionActor(Solution.of_object(learned, str(policy)))
     return _ACTORS[str(policy)]() if isinstance(policy, str | Path) else SolutionActor(Solution.of_object(policy))
 
 
@@ -223,16 +226,16 @@ def solution_path(policy: Any) -> Path | None:
         return None
     path = Path(policy)
     if path.suffix != ".py" and not os.path.exists(path):
-        hint = "Also legal: the path of a file solution.py, or the folder of a training run."
+        hint = "Also legal: the path of a file solution.py, of a training run's folder, or of an exported .npz."
         raise UnknownNameError("policy", str(policy), POLICY_NAMES, hint)
     return path
 
 
 def is_run(policy: Any) -> bool:
-    """Whether a policy is the folder of a training run, or a checkpoint in it."""
+    """Whether a policy is the folder of a training run, a checkpoint in it, or a file exported from it."""
     if not isinstance(policy, str | Path) or str(policy) in _ACTORS:
         return False
-    return is_folder(policy) or Path(policy).suffix == CHECKPOINT
+    return is_folder(policy) or Path(policy).suffix in (CHECKPOINT, ARRAYS)
 
 
 def policy_digest(policy: Any) -> str | None:

@@ -97,8 +97,8 @@ def weights_file(run: Path | str) -> Path:
     run = Path(run)
     if is_file(run):
         return run
-    if run.suffix == LATEST.suffix:
-        raise PolicyError(f"there is no checkpoint {str(run)!r}")
+    if run.suffix:
+        raise PolicyError(f"there is no file {str(run)!r}")
     for name in (BEST, LATEST):
         if is_file(run / name):
             return run / name

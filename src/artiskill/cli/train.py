@@ -1,0 +1,186 @@
+"""`artiskill train`: a policy from demonstrations, by one of the package's algorithms."""
+
+import argparse
+import os
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from artiskill.cli.parser import UsageError, add_command, add_set, add_workers, overrides_of, workers_of
+from artiskill.cli.progress import ProgressBar
+
+if TYPE_CHECKING:  # imports that `artiskill --help` must not wait for
+    from artiskill.learning.run import RunInfo
+    from artiskill.learning.train_config import TrainConfig
+    from artiskill.learning.trainer import Develop, Trainer
+
+_EPILOG = """examples:
+  artiskill train bc --task OpenCabinetDrawer --data training/drawers --out runs/drawer-bc
+  artiskill train bc --task PushChair --data demos/chairs --out runs/chair-bc --points 512 --frame robot
+  artiskill train td3bc --task OpenCabinetDrawer --data training/drawers --out runs/drawer-td3bc \\
+      --network pointnet_transformer --steps 150000 --precision bfloat16 --set algorithm.alpha=0.2
+  torchrun --nproc-per-node 2 -m artiskill train bc ...     # with several GPUs
+
+The same command goes on where a run was stopped; with more --steps it goes on beyond its end.
+docs/learning.md describes data, runs and values."""
+_ALGORITHMS = "bc, bcq or td3bc"
+
+
+def add_commands(commands: Any) -> None:
+    """Add the command."""
+    parser = add_command(commands, "train", _run_train, "train a policy from demonstrations", _EPILOG)
+    add = parser.add_argument
+    add("algorithm", metavar="ALGORITHM", help=_ALGORITHMS)
+    add("--task", required=True, help="name of the task, or module:Task of your own package")
+    data = "training set, training files with point clouds, or demonstrations"
+    add("--data", type=Path, required=True, metavar="FOLDER", help=data)
+    add("--out", type=Path, required=True, metavar="FOLDER", help="folder of the run")
+    add("--points", type=int, help="points of a cloud (default: 256, or those of the training set)")
+    add("--frame", help="frame of the points: world, robot or end_effector (default: the data's, else world)")
+    add("--network", default="small", help="small, pointnet or pointnet_transformer (default: %(default)s)")
+    add("--steps", type=int, help="gradient steps (default: 20000)")
+    add("--batch-size", type=int, help="samples of a step (default: 128 for bc, else 64)")
+    add("--seed", type=int, help="of weights, batches and noise (default: 0)")
+    add("--device", default="auto", help="auto, cpu or cuda (default: %(default)s)")
+    add("--precision", help="float32 or bfloat16 (default: float32)")
+    add("--threads", type=int, help="threads of the CPU, in each process (default: one per core)")
+    objects = "measure success on these during training: generated:CATEGORY:SEEDS, ids, splits; none for never"
+    add("--dev-objects", nargs="+", metavar="OBJECT", help=objects)
+    add("--dev-episodes", type=int, help="episodes on each of them (default: 2)")
+    add("--dev-every", type=int, metavar="STEPS", help="steps from one measurement to the next (default: 2000)")
+    add_set(parser, "change values, see config.yaml of a run")
+    add_workers(parser)
+
+
+def _run_train(arguments: argparse.Namespace) -> None:
+    from artiskill.learning.run import check_torch
+
+    check_torch("training")
+    from artiskill.learning.train import TrainData, train
+    from artiskill.learning.train_config import load_train_config
+
+    config = load_train_config(arguments.algorithm, arguments.task, arguments.network, _overrides(arguments))
+    data = TrainData(arguments.data, arguments.points, arguments.frame, workers_of(arguments))
+    screen = _Screen(config, arguments)
+    try:
+        with screen:
+            trainer = train(
+                config,
+                data,
+                arguments.out,
+                arguments.device,
+                arguments.threads,
+                screen.make_develop,
+                screen.show_lines,
+                screen.show_set,
+                screen.begin,
+                screen.show_step,
+            )
+    except KeyboardInterrupt as interrupt:
+        command = shlex.join(["artiskill", *sys.argv[1:]])
+        raise KeyboardInterrupt(f"{interrupt or 'interrupted'}; go on with: {command}") from interrupt
+    if screen.is_first:
+        _print_end(trainer, arguments.out)
+
+
+def _overrides(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the values that options set; those of `--set` come last."""
+    given = {
+        "steps": arguments.steps,
+        "batch_size": arguments.batch_size,
+        "seed": arguments.seed,
+        "precision": arguments.precision,
+        "development.episodes": arguments.dev_episodes,
+        "development.every": arguments.dev_every,
+        "development.objects": _development_objects(arguments.dev_objects),
+    }
+    return {key: value for key, value in given.items() if value is not None} | overrides_of(arguments.set)
+
+
+def _development_objects(given: list[str] | None) -> list[str] | None:
+    if given is None or "none" not in given:
+        return given
+    if given != ["none"]:
+        raise UsageError("--dev-objects none takes no other object")
+    return []
+
+
+class _Screen:
+    """What a person sees of a run: first lines, progress of a training set, progress of training."""
+
+    def __init__(self, config: "TrainConfig", arguments: argparse.Namespace) -> None:
+        self._config, self._arguments = config, arguments
+        self._bar: ProgressBar | None = None
+        self._bar_of = ""
+        self.is_first = os.environ.get("RANK", "0") == "0"
+
+    def __enter__(self) -> "_Screen":
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._close()
+
+    def make_develop(self, info: "RunInfo") -> "Develop | None":
+        """Return what measures success, where the engine is installed."""
+        if not self._config.development.objects:
+            return None
+        try:
+            from artiskill.evaluation.development import make_develop
+        except ImportError as error:
+            print(
+                f"note: {error.name} is not installed, so success cannot be measured here",
+                file=sys.stderr,
+            )
+            return None
+        return make_develop(self._config, info, workers_of(self._arguments))
+
+    def show_lines(self, lines: list[str]) -> None:
+        """Print what will be trained."""
+        self._close()
+        for line in lines:
+            print(line, flush=True)
+
+    def show_set(self, what: str, done: int, total: int) -> None:
+        """Show how much of a training set is made."""
+        if self._bar_of != what:
+            self._open(what, max(total, 1), "trajectories")
+        assert self._bar is not None
+        self._bar.show(done)
+
+    def begin(self, step: int) -> None:
+        """Show progress from this step on."""
+        if not self.is_first:
+            return
+        if step:
+            print(f"going on after step {step}", flush=True)
+        self._open("training", self._config.steps, "steps")
+        assert self._bar is not None
+        self._bar.skip(step)
+
+    def show_step(self, step: int, text: str) -> None:
+        """Show how many steps were taken."""
+        if self._bar is not None:
+            self._bar.show(step, text)
+
+    def _open(self, what: str, total: int, unit: str) -> None:
+        self._close()
+        self._bar_of = what
+        self._bar = ProgressBar(what, total, unit)
+        self._bar.__enter__()
+
+    def _close(self) -> None:
+        if self._bar is not None:
+            self._bar.__exit__(None, None, None)
+            self._bar = None
+
+
+def _print_end(trainer: "Trainer", folder: Path) -> None:
+    state, wanted = trainer.state, trainer.config.development
+    print(f"trained: {folder}, {state.step} steps in {state.seconds:.0f} s")
+    if state.best_successes >= 0:
+        print(
+            f"best: step {state.best_step}, {state.best_successes} episodes of development objects solved, "
+            f"{wanted.episodes} on each"
+        )
+    print(f"measure it: artiskill evaluate --task {trainer.config.task} --policy {folder}")

@@ -1,0 +1,144 @@
+"""Checkpoints: what going on needs, in one file that appears whole; and how an algorithm is made from a run."""
+
+import copy
+import io
+import pickle
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import nn
+
+from artiskill.errors import RunError, shown
+from artiskill.files import read_bytes
+from artiskill.learning.algorithm import Algorithm
+from artiskill.learning.batch import Sizes, Statistics
+from artiskill.learning.networks import make_network
+from artiskill.learning.run import RunInfo, write_whole
+from artiskill.learning.train_config import TrainConfig, algorithm_class, algorithm_config
+
+_FORMAT, _VERSION = "artiskill-checkpoint", 1
+
+
+@dataclass
+class TrainState:
+    """Where a run stands, besides its weights."""
+
+    step: int = 0  # that were taken
+    seconds: float = 0.0  # that they took
+    developed: int = 0  # step of the last measurement on development objects
+    best_step: int = 0  # of the best checkpoint
+    best_successes: int = -1
+    sums: dict[str, tuple[float, int]] = field(default_factory=dict)  # since the last row of metrics.csv
+
+
+def make_algorithm(config: TrainConfig, info: RunInfo) -> Algorithm:
+    """Make an algorithm with the fresh weights of the configuration's seed, on the CPU.
+
+    Raises:
+        ConfigError: an illegal value of the algorithm.
+    """
+    sizes = Sizes(**info.sizes)
+    statistics = Statistics(**{name: np.array(one, np.float32) for name, one in info.statistics.items()})
+    generator = torch.Generator().manual_seed(config.seed)
+    frame = info.sampling["frame"]
+
+    def make(outputs: int, extra: int) -> nn.Module:
+        return make_network(config.network, sizes, statistics, outputs, extra, generator, frame)
+
+    return algorithm_class(config.name)(algorithm_config(config), make, sizes)
+
+
+def acting_copy(algorithm: Algorithm) -> Algorithm:
+    """Return a copy that only acts: no gradients."""
+    copied = copy.deepcopy(algorithm)
+    return copied.requires_grad_(False).eval()
+
+
+def save_checkpoint(path: Path, state: TrainState, algorithm: Algorithm, average: Algorithm | None) -> None:
+    """Write all that going on needs, whole or not at all.
+
+    Raises:
+        OSError: it cannot be written; an earlier one is as it was.
+        RunError: a weight is not finite; likewise.
+    """
+    for name, value in algorithm.state_dict().items():
+        if value.is_floating_point() and not value.isfinite().all():
+            raise RunError(f"the weights {name} are not finite after step {state.step}")
+    content = {
+        "state": dict(vars(state)),
+        "weights": algorithm.state_dict(),
+        "average": None if average is None else average.state_dict(),
+        "optimizers": {name: optimizer.state_dict() for name, optimizer in algorithm.optimizers.items()},
+    }
+    _write(path, content)
+
+
+def save_weights(path: Path, state: TrainState, algorithm: Algorithm) -> None:
+    """Write what acting needs, whole or not at all.
+
+    Raises:
+        OSError: it cannot be written; an earlier one is as it was.
+    """
+    _write(path, {"state": dict(vars(state)), "weights": algorithm.state_dict(), "average": None})
+
+
+def load_checkpoint(path: Path, algorithm: Algorithm, average: Algorithm | None) -> TrainState:
+    """Take weights and optimizers from a checkpoint, and return where the run stands.
+
+    Raises:
+        RunError: it is damaged, of another version or of other networks.
+    """
+    content = _read(path)
+    try:
+        _load_weights(algorithm, content["weights"])
+        if average is not None:
+            _load_weights(average, content["average"])
+        for name, optimizer in algorithm.optimizers.items():
+            optimizer.load_state_dict(content["optimizers"][name])
+        return TrainState(**content["state"])
+    except (RuntimeError, LookupError, TypeError, ValueError) as error:
+        raise RunError(f"{str(path)!r} does not fit the run: {' '.join(str(error).split())}") from error
+
+
+def load_weights(path: Path, algorithm: Algorithm) -> None:
+    """Take the weights to act by from a checkpoint.
+
+    Raises:
+        RunError: it is damaged, of another version or of other networks.
+    """
+    content = _read(path)
+    try:
+        _load_weights(algorithm, content["average"] or content["weights"])
+    except (RuntimeError, LookupError, TypeError) as error:
+        raise RunError(f"{str(path)!r} does not fit the run: {' '.join(str(error).split())}") from error
+
+
+def _load_weights(algorithm: Algorithm, weights: Mapping[str, Any]) -> None:
+    algorithm.load_state_dict(weights)
+
+
+def _write(path: Path, content: dict[str, Any]) -> None:
+    memory = io.BytesIO()  # torch hides the system's errors when it writes to a file
+    torch.save({"format": _FORMAT, "version": _VERSION, **content}, memory)
+    write_whole(path, memory.getvalue())
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        content = torch.load(io.BytesIO(read_bytes(path)), map_location="cpu", weights_only=True)
+    except OSError as error:
+        raise RunError(f"cannot read {str(path)!r}: {error.strerror}") from error
+    except (RuntimeError, ValueError, EOFError, LookupError, pickle.UnpicklingError) as error:
+        raise RunError(f"{str(path)!r} is damaged, or no checkpoint of artiskill") from error
+    if not isinstance(content, dict) or content.get("format") != _FORMAT:
+        raise RunError(f"{str(path)!r} is no checkpoint of artiskill")
+    if content.get("version") != _VERSION:
+        raise RunError(
+            f"{str(path)!r} is of version {shown(content.get('version'))}; this version of artiskill reads "
+            f"{_VERSION}: use the version of artiskill that wrote it, or train anew"
+        )
+    return content

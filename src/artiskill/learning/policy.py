@@ -1,0 +1,85 @@
+"""`RunPolicy`: a training run as a policy, by torch, on one thread of the CPU."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from artiskill.errors import ConfigError, RunError
+from artiskill.learning.algorithm import Algorithm
+from artiskill.learning.batch import Observation
+from artiskill.learning.checkpoints import load_weights, make_algorithm
+from artiskill.learning.observation import ObservationLayout
+from artiskill.learning.run import RunInfo, read_info, run_folder, weights_file
+from artiskill.learning.train_config import TrainConfig, read_train_config
+
+
+class RunPolicy:
+    """What a run has learned; it sees point clouds, and remembers nothing.
+
+    Args:
+        run: the run's folder, whose best checkpoint acts, else its latest; or one of its checkpoints.
+
+    Attributes:
+        obs_mode, control_mode, sampling: as evaluation asks of a policy.
+
+    Raises:
+        PolicyError: there is no checkpoint.
+        RunError: the run is damaged or of another version.
+    """
+
+    obs_mode = "pointcloud"
+
+    def __init__(self, run: Path | str) -> None:
+        info, _, self._algorithm = load_trained(run)
+        self.control_mode, self.sampling = info.control_mode, info.sampling
+        self._layout = ObservationLayout(*(info.sizes[name] for name in ("points", "masks", "agent")))
+
+    def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
+        """Begin an episode: there is nothing to remember."""
+
+    def act(self, observation: Any) -> np.ndarray:
+        """Return the action, (A,) float32 in [-1, 1], of an observation of mode `pointcloud`.
+
+        Raises:
+            ConfigError: an observation of other sizes.
+        """
+        arrays = self._layout.observe(observation)
+        with _one_thread():  # the same bits in every process, and none to wait for
+            tensors = Observation(*(torch.from_numpy(array) for array in arrays))
+            return self._algorithm.act(tensors)[0].numpy()
+
+
+def load_trained(run: Path | str) -> tuple[RunInfo, TrainConfig, Algorithm]:
+    """Return what a run says of itself, its values, and its algorithm with the weights to act by, on the CPU.
+
+    Args:
+        run: the run's folder, or one of its checkpoints.
+
+    Raises:
+        PolicyError: there is no checkpoint.
+        RunError: the run is damaged or of another version.
+    """
+    weights, folder = weights_file(run), run_folder(run)
+    info, config = read_info(folder), read_train_config(folder)
+    try:
+        algorithm = make_algorithm(config, info)
+    except (ConfigError, TypeError, LookupError) as error:
+        raise RunError(f"{str(folder)!r} is damaged: {error}") from error
+    load_weights(weights, algorithm)
+    return info, config, algorithm.requires_grad_(False).eval()
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    before = torch.get_num_threads()
+    if before != 1:
+        torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        if before != 1:
+            torch.set_num_threads(before)

@@ -1,0 +1,197 @@
+"""`TrainConfig`: all values of a training run: the package's YAML files, options laid over them, then `--set`.
+
+Importing this imports no torch. Which values an algorithm has says its own file, which `ALGORITHMS` leads to;
+here they are a mapping.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Literal
+
+from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.assets.catalog import object_id_of, read_catalog, resolve_objects
+from artiskill.config import (
+    CONFIG_DIR,
+    check,
+    check_positive,
+    check_value,
+    differing,
+    from_layers,
+    from_mapping,
+    load_yaml,
+    merge_overrides,
+    to_mapping,
+)
+from artiskill.errors import ConfigError, RunError, check_name
+from artiskill.learning.network_config import NETWORKS, NetworkConfig, load_network_config
+from artiskill.learning.run import CONFIG
+from artiskill.tasks.levels import check_level
+from artiskill.tasks.registry import task_spec
+
+# name -> module:class; the class has `Config`, see `artiskill.learning.algorithm`
+ALGORITHMS = {
+    "bc": "artiskill.learning.bc:BC",
+    "bcq": "artiskill.learning.bcq:BCQ",
+    "td3bc": "artiskill.learning.td3bc:TD3BC",
+}
+NETWORK = "small"  # by default
+MEASURED_SPLITS = ("test", "ood")  # what results are about: nothing is chosen by it
+
+_FOLDER = CONFIG_DIR / "learning"
+_SHARED = "train.yaml"
+_DEVELOPMENT_SEEDS = "1000000..1000015"  # of generated objects: far from those that people train on
+_MOST_STEPS = 10**9
+_MOST_NAMED = 5  # differences
+
+
+@dataclass(frozen=True)
+class DevelopmentConfig:
+    """Objects on which success is measured during training: the best checkpoint is chosen by it."""
+
+    objects: tuple[str, ...]  # as `resolve_objects` takes them, never of a split that is measured; none: do not
+    episodes: int  # on each object
+    first_level: int  # of each object; far from those that are collected or evaluated
+    every: int  # steps
+
+    def __post_init__(self) -> None:
+        check_positive(self, "episodes", "every")
+        check_level(self.first_level)
+        check_level(self.first_level + self.episodes - 1)
+        given = sorted(set(self.objects) & {*MEASURED_SPLITS, "all"})
+        check(not given, _refusal(f"{given[0]!r} is such a split" if given else ""))
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """All values of a training run; the same values and data give the same weights, bit for bit on a CPU."""
+
+    task: str
+    name: str  # of the algorithm
+    steps: int
+    batch_size: int  # of all processes together
+    seed: int  # of initial weights, of what batches hold, and of noise
+    precision: Literal["float32", "bfloat16"]  # of forward passes; weights are float32
+    schedule: Literal["constant", "cosine"]  # of learning rates: to 0 in `steps` steps, by a cosine, or not
+    ema: float  # act by weights that follow those that are trained, by 1 - ema in each step; 0: by the trained
+    log_every: int  # steps
+    checkpoint_every: int  # steps
+    network: NetworkConfig
+    algorithm: dict[str, Any]  # values of the algorithm, see its file
+    development: DevelopmentConfig
+
+    def __post_init__(self) -> None:
+        check_name("algorithm", self.name, ALGORITHMS)
+        task_spec(self.task)
+        check_value(self, "steps", 1 <= self.steps <= _MOST_STEPS, f"must lie in [1, {_MOST_STEPS}]")
+        check_positive(self, "batch_size", "log_every", "checkpoint_every")
+        check_value(self, "seed", 0 <= self.seed < 2**32, "must lie in [0, 2^32)")
+        check_value(self, "ema", 0 <= self.ema < 1, "must lie in [0, 1)")
+
+    def check_continues(self, other: "TrainConfig", folder: Path) -> None:
+        """Raise `RunError` if a run with these values cannot go on with other ones.
+
+        More steps are all that may change, unless learning rates depend on the number of steps.
+        """
+        ours, theirs = to_mapping(self), to_mapping(other)
+        if self.schedule == "constant":
+            theirs["steps"] = min(ours["steps"], theirs["steps"])
+        found = differing(ours, theirs)
+        if found:
+            more = [f"and {len(found) - _MOST_NAMED} more"] if len(found) > _MOST_NAMED else []
+            raise RunError(
+                f"{str(folder)!r} holds a run of other values ({'; '.join(found[:_MOST_NAMED] + more)}); "
+                "choose another folder, or the values of before"
+            )
+
+
+def load_train_config(
+    name: str,
+    task: str,
+    network: str = NETWORK,
+    overrides: Mapping[str, Any] | None = None,
+) -> TrainConfig:
+    """Return the values of a run: of the package's files, and others laid over them.
+
+    Args:
+        name: of the algorithm: `bc`, `bcq` or `td3bc`.
+        task: name of the task.
+        network: `small`, `pointnet` or `pointnet_transformer`.
+        overrides: dotted keys and other values, `{"algorithm.learning_rate": 1e-3}`.
+
+    Raises:
+        UnknownNameError: no such algorithm, task or network.
+        ConfigError: an unknown key or an illegal value.
+    """
+    check_name("algorithm", name, ALGORITHMS)
+    check_name("network", network, NETWORKS)
+    spec = task_spec(task)
+    values = merge_overrides(load_yaml(_FOLDER / _SHARED), load_yaml(_FOLDER / f"{name}.yaml"))
+    values |= {"task": task, "name": name, "network": to_mapping(load_network_config(network))}
+    if values["development"]["objects"] is None:
+        values["development"]["objects"] = (f"generated:{spec.category}:{_DEVELOPMENT_SEEDS}",)
+    config = from_layers(TrainConfig, lambda given: merge_overrides(values, given), overrides, f"{name}.yaml")
+    return _resolved(config)
+
+
+def read_train_config(folder: Path) -> TrainConfig:
+    """Read the resolved configuration of a run.
+
+    Raises:
+        RunError: it is missing or damaged.
+    """
+    try:
+        return from_mapping(TrainConfig, load_yaml(folder / CONFIG), str(folder / CONFIG))
+    except ConfigError as error:
+        raise RunError(str(error)) from error
+
+
+def algorithm_class(name: str) -> Any:
+    """Return the class of an algorithm; this imports torch."""
+    module, _, kind = ALGORITHMS[name].partition(":")
+    return getattr(import_module(module), kind)
+
+
+def algorithm_config(config: TrainConfig) -> Any:
+    """Return the values of the algorithm, as its class takes them; this imports torch.
+
+    Raises:
+        ConfigError: an unknown key or an illegal value.
+    """
+    return from_mapping(algorithm_class(config.name).Config, config.algorithm, "algorithm")
+
+
+def check_development(config: TrainConfig) -> list[str]:
+    """Return the ids of the development objects; each is made, to see whether the task can be done with it.
+
+    Raises:
+        UnknownNameError, AssetError: an object that does not exist, or that cannot be used.
+        ConfigError: one is of a split that is measured.
+    """
+    if not config.development.objects:
+        return []
+    found = resolve_objects(list(config.development.objects), task=config.task)
+    check_not_measured(found)
+    return [object_id_of(item) for item in found]
+
+
+def check_not_measured(objects: Iterable[str | ArticulatedObject]) -> None:
+    """Raise `ConfigError` if an object is of a split that is measured."""
+    catalog = read_catalog()
+    for name in map(object_id_of, objects):
+        if name in catalog and catalog[name][1].split in MEASURED_SPLITS:
+            raise ConfigError(_refusal(f"{name!r} is of {catalog[name][1].split!r}"))
+
+
+def _refusal(reason: str) -> str:
+    splits = " and ".join(MEASURED_SPLITS)
+    return (
+        f"development objects choose the checkpoint, so none may be of {splits}, by which results are measured: "
+        f"{reason}; legal are generated:<category>:<seeds>, objects of train, and imported ones"
+    )
+
+
+def _resolved(config: TrainConfig) -> TrainConfig:
+    """Return the same with all values of the algorithm, checked."""
+    return replace(config, algorithm=to_mapping(algorithm_config(config)))
