@@ -2,17 +2,22 @@
 """What holds for every algorithm, as it comes."""
 
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
 torch = pytest.importorskip("torch")
 
+from tests.learning.clouds import CABINET, narrow, observe, plain_statistics
 from tests.learning.tiny import TinyNetwork, random_batch, tiny_maker, tiny_sizes, train, update
 
 from artiskill.config import CONFIG_DIR, from_mapping, load_yaml
 from artiskill.learning.algorithm import Algorithm, Target, adam, descend, normal, weighted_mean
+from artiskill.learning.batch import Batch
 from artiskill.learning.bc import BC
 from artiskill.learning.bcq import BCQ
+from artiskill.learning.network_config import NETWORKS
+from artiskill.learning.networks import make_network
 from artiskill.learning.td3bc import TD3BC
 
 ALGORITHMS = {"bc": BC, "bcq": BCQ, "td3bc": TD3BC}
@@ -20,12 +25,19 @@ SIZES = tiny_sizes(agent=3, action=2)
 Make = Callable[[], Algorithm]
 
 
+def read_config(name: str, **changes: object) -> Any:
+    values = load_yaml(CONFIG_DIR / "learning" / f"{name}.yaml")["algorithm"]
+    return from_mapping(ALGORITHMS[name].Config, values | changes)
+
+
 @pytest.fixture(params=ALGORITHMS)
-def make(request: pytest.FixtureRequest) -> Make:
-    kind = ALGORITHMS[request.param]
-    values = load_yaml(CONFIG_DIR / "learning" / f"{request.param}.yaml")["algorithm"]
-    config = from_mapping(kind.Config, values)
-    return lambda: kind(config, tiny_maker(SIZES, hidden=(16,)), SIZES)
+def name(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+@pytest.fixture
+def make(name: str) -> Make:
+    return lambda: ALGORITHMS[name](read_config(name), tiny_maker(SIZES, hidden=(16,)), SIZES)
 
 
 def test_training_goes_on_bit_for_bit(make: Make) -> None:
@@ -93,10 +105,8 @@ def test_it_says_whether_it_needs_what_follows(make: Make) -> None:
 
 @pytest.mark.parametrize(("name", "slow"), [("bcq", "vae"), ("td3bc", "policy")])
 def test_values_of_2021(name: str, slow: str) -> None:
-    kind = ALGORITHMS[name]
-    values = load_yaml(CONFIG_DIR / "learning" / f"{name}.yaml")["algorithm"]
-    config = from_mapping(kind.Config, values | {"compat": "paper2021"})
-    optimizers = kind(config, tiny_maker(SIZES), SIZES).optimizers
+    config = read_config(name, compat="paper2021")
+    optimizers = ALGORITHMS[name](config, tiny_maker(SIZES), SIZES).optimizers
     groups = {name: optimizer.param_groups[0] for name, optimizer in optimizers.items()}
     assert {name: group["lr"] for name, group in groups.items()} == {slow: 3e-4, "critics": 5e-4}
     assert {group["weight_decay"] for group in groups.values()} == {5e-6}
@@ -127,8 +137,7 @@ def test_a_target_follows_by_a_share_of_the_way() -> None:
 
 
 def test_targets_know_no_dropout() -> None:
-    config = from_mapping(TD3BC.Config, load_yaml(CONFIG_DIR / "learning" / "td3bc.yaml")["algorithm"])
-    td3bc = TD3BC(config, tiny_maker(SIZES, dropout=0.5), SIZES).train()
+    td3bc = TD3BC(read_config("td3bc"), tiny_maker(SIZES, dropout=0.5), SIZES).train()
     assert td3bc.policy.dropout.training
     assert not td3bc.policy_target.network.dropout.training
 
@@ -165,3 +174,27 @@ def test_each_optimizer_has_its_gradients_averaged(make: Make) -> None:
         for optimizer in algorithm.optimizers.values()
     ]
     assert sorted([id(p) for p in call] for call in given) == sorted(of_optimizers)
+
+
+@pytest.mark.parametrize("network_name", NETWORKS)
+@pytest.mark.parametrize("precision", ["float32", "bfloat16"])
+def test_every_network_trains(name: str, network_name: str, precision: str) -> None:
+    """All weights get gradients, in mixed precision, too; actions are single."""
+    generator = torch.Generator().manual_seed(0)
+    values, statistics = narrow(network_name), plain_statistics(CABINET.agent)
+
+    def make(outputs: int, extra: int) -> Any:
+        return make_network(values, CABINET, statistics, outputs, extra, generator)
+
+    algorithm = ALGORITHMS[name](read_config(name), make, CABINET)
+    seen, following = observe(seed=1), observe(seed=2)
+    action = torch.zeros(3, CABINET.action)
+    batch = Batch(seen, action, torch.ones(3), -torch.ones(3), torch.zeros(3), following)
+
+    def autocast() -> torch.autocast:
+        return torch.autocast("cpu", torch.bfloat16, enabled=precision == "bfloat16")
+
+    logged = algorithm.update(batch, 0, generator, list, autocast)
+    assert all(value.dtype == torch.float32 and value.isfinite() for value in logged.values())
+    assert not [name for name, p in algorithm.named_parameters() if p.requires_grad and p.grad is None]
+    assert algorithm.act(seen).dtype == torch.float32
