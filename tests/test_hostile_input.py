@@ -565,6 +565,16 @@ def test_pipes_and_devices_of_partnet(name: str, place: Path) -> None:
         check_call(name, lambda folder=folder: artiskill.import_partnet(folder))
 
 
+@pytest.mark.parametrize("name", ["artiskill.json", "object.npz", "mobility.urdf"])
+def test_pipes_and_devices_of_exports(name: str, place: Path) -> None:
+    for other in ("pipe", "device", "garbage"):
+        folder = export_object(load_object("bucket-0001"), "urdf", place / f"object-{other}").parent
+        (folder / "mobility.urdf").write_text("<robot/>")
+        (folder / name).unlink()
+        (folder / name).symlink_to(place / other)
+        assert check_call(f"{name} {other}", lambda folder=folder: load_object(folder))
+
+
 def test_a_zip_that_unpacks_to_much(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("artiskill.assets.partnet.folder._MOST_ZIP_BYTES", 5_000_000)
     with zipfile.ZipFile(place / "bomb.zip", "w", zipfile.ZIP_DEFLATED) as archive:

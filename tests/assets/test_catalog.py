@@ -2,8 +2,7 @@
 
 import dataclasses
 import pickle
-import sys
-import types
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -177,15 +176,14 @@ def test_resolve_splits_ids_and_objects() -> None:
 def importer(monkeypatch: pytest.MonkeyPatch) -> list[object]:
     """Stands in for the PartNet importer; the list records what it was asked for."""
     asked: list[object] = []
-    module = types.ModuleType("artiskill.assets.partnet")
-    module.find_partnet_folder = lambda name: Path("/data") / name  # type: ignore[attr-defined]
 
     def import_partnet(path: Path, needs: object) -> object:
         asked.append(path if needs is None else (path, needs))
         return load_object("cabinet-0001")
 
-    module.import_partnet = import_partnet  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "artiskill.assets.partnet", module)
+    monkeypatch.setattr("artiskill.assets.partnet.importer.import_partnet", import_partnet)
+    monkeypatch.setattr("artiskill.assets.partnet.folder.find_partnet_folder", lambda name: Path("/data") / name)
+    monkeypatch.setattr("artiskill.assets.partnet.folder.open_object", lambda path: nullcontext((path, path.name)))
     return asked
 
 

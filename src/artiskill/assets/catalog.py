@@ -1,13 +1,14 @@
 """Which objects there are, and how a name becomes an `ArticulatedObject`.
 
 `configs/catalog/<category>.yaml` lists the catalogue: an id, a seed, a split and a content hash per object.
-Besides, `generated:<category>:<seed>` is a fresh object, and `partnet:<id>` or a path an imported one. Fresh
-objects are drawn from their own random streams, so none of them is in the catalogue.
+Besides, `generated:<category>:<seed>` is a fresh object, and `partnet:<id>` or a path an imported one, or one that
+was exported. Fresh objects are drawn from their own random streams, so none of them is in the catalogue.
 """
 
+import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -232,7 +233,7 @@ def _resolve_one(item: object, needs: Needs | None) -> str | ArticulatedObject:
 def _load(name: object, needs: Needs | None, splits: tuple[str, ...]) -> ArticulatedObject:
     """Load the object of a name; `splits` are legal too, and `needs` saves work on unusable PartNet objects."""
     if isinstance(name, Path):
-        return _import_partnet(name, needs)
+        return _load_folder(name, needs)
     if not isinstance(name, str):
         raise _not_an_object(name)
     if not name.strip():
@@ -246,7 +247,7 @@ def _load(name: object, needs: Needs | None, splits: tuple[str, ...]) -> Articul
             raise AssetError(f"{name!r} names {len(seeds)} objects, not one")
         return generate(category, seeds[0], generated_id(category, seeds[0]), fresh=True)
     if partnet_id(name) is not None or is_path(name):
-        return _import_partnet(name, needs)
+        return _load_folder(name, needs)
     if name in _SPLIT_NAMES:
         raise AssetError(f"{name!r} is a split, not one object; list_objects(split={name!r}) names its objects")
     raise UnknownObjectError(name, read_catalog(), splits)
@@ -268,8 +269,21 @@ def _check_resolved(resolved: list[str | ArticulatedObject]) -> None:
         raise AssetError(f"objects name {', '.join(twice)} more than once")
 
 
-def _import_partnet(name: str | Path, needs: Needs | None) -> ArticulatedObject:
-    from artiskill.assets.partnet import find_partnet_folder, import_partnet
+def _load_folder(given: str | Path, needs: Needs | None) -> ArticulatedObject:
+    """Load the object of a folder or zip: itself where an export wrote it, else what the importer makes of it."""
+    from artiskill.assets.exported_folder import read_exported
+    from artiskill.assets.partnet.folder import find_partnet_folder, open_object
+    from artiskill.assets.partnet.importer import import_partnet
 
-    number = partnet_id(name) if isinstance(name, str) else None
-    return import_partnet(Path(name) if number is None else find_partnet_folder(number), needs=needs)
+    number = partnet_id(given) if isinstance(given, str) else None
+    path = Path(given) if number is None else find_partnet_folder(number)
+    with open_object(path) as (folder, name):
+        exported, changed = read_exported(folder)
+        if exported is not None:
+            return exported
+        if not changed:
+            return import_partnet(folder, needs=needs)
+        remark = f"{shown(changed)} was changed since the export: collision shapes, masses and handles are new"
+        print(f"{shown(name)}: {remark}", file=sys.stderr, flush=True)
+        found = import_partnet(folder, needs=needs)
+    return replace(found, metadata={**found.metadata, "warnings": (remark, *found.metadata["warnings"])})

@@ -27,7 +27,7 @@ _EXPORT_EPILOG = """examples:
   artiskill assets export partnet:40147 --format gltf --out exported/40147
   artiskill assets export cabinet-0001 chair-0003 --format urdf --out exported     a folder each
 
-Each folder is complete: it needs no file outside it. docs/objects.md describes the formats."""
+Each folder is complete: it needs no file outside it. docs/own_objects.md describes the formats."""
 
 _HOW_TO_READ = {
     "mjcf": "mujoco.MjModel.from_xml_path({path!r}); scene.xml beside it has a floor",

@@ -13,6 +13,7 @@ from typing import Any
 from artiskill import __version__
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object, object_id_of
+from artiskill.assets.exported_folder import MARKER, checksums, read_marker
 from artiskill.errors import ConfigError, check_name
 from artiskill.exports.glb import write_glb
 from artiskill.exports.mjcf import write_mjcf
@@ -26,8 +27,6 @@ _WRITERS: dict[str, Callable[[ArticulatedObject, Path], Path]] = {
 }
 FORMATS = tuple(_WRITERS)
 _OTHER_NAMES = {"gltf": "glb"}  # what else people call them
-MARKER = "artiskill.json"  # stands in every folder that an export made
-_MARKER_BYTES = 1_000_000  # more than any export writes: a longer file is someone else's
 
 
 def export_object(
@@ -40,7 +39,8 @@ def export_object(
 
     Args:
         obj: the object.
-        format: `mjcf` (MuJoCo), `urdf` (laid out like PartNet-Mobility; `load_object` reads it back) or `glb`,
+        format: `mjcf` (MuJoCo), `urdf` (laid out like PartNet-Mobility; its folder is a name for `load_object`) or
+            `glb`,
             also called `gltf` (binary glTF, for looking at; needs the extra `export`).
         folder: made where it is missing; it appears complete or not at all. An earlier export of this object in
             this format is replaced.
@@ -124,8 +124,7 @@ def _replace_folder(folder: Path, fill: Callable[[Path], Path], marker: dict[str
             new, old = Path(name) / "new", Path(name) / "old"
             new.mkdir()
             main = fill(new).relative_to(new)
-            files = sorted(path.relative_to(new).as_posix() for path in new.rglob("*") if path.is_file())
-            about = json.dumps(marker | {"files": files}, indent=2)
+            about = json.dumps(marker | {"files": checksums(new)}, indent=2)
             (new / MARKER).write_text(about + "\n", encoding="utf-8")
             _swap(new, folder, old)
     except OSError as error:
@@ -153,34 +152,20 @@ def _check_replaceable(folder: Path, object_id: str, form: str, force: bool) -> 
 
 def _contents_to_lose(folder: Path, object_id: str, form: str) -> str:
     """Describe what would be lost with a folder; empty if it is only an export of this object in this format."""
-    marker = _read_marker(folder)
+    marker = read_marker(folder)
     if marker is None:
-        others = [path.name for path in sorted(folder.iterdir()) if _read_marker(path) is not None]
+        others = [path.name for path in sorted(folder.iterdir()) if read_marker(path) is not None]
         if others:
             return f"exports in folders of their own ({', '.join(others[:3])}{' ...' if others[3:] else ''})"
         found = sorted(path.name for path in folder.iterdir())
         return f"{found[0]!r}, which no export wrote" if found else ""
-    if marker["object"] != object_id:
-        return f"an export of {marker['object']!r}"
-    if marker["format"] != form:
-        return f"an export of {object_id!r} as {marker['format']}"
+    if marker.object_id != object_id:
+        return f"an export of {marker.object_id!r}"
+    if marker.format != form:
+        return f"an export of {object_id!r} as {marker.format}"
     there = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir()}
-    added = sorted(there - {MARKER, *marker["files"]})
+    added = sorted(there - {MARKER, *marker.files})
     return f"{added[0]!r}, which no export wrote" if added else ""
-
-
-def _read_marker(folder: Path) -> dict[str, Any] | None:
-    """Return what an export wrote about its folder; None if no export wrote it."""
-    try:
-        with (folder / MARKER).open("rb") as file:
-            found = json.loads(file.read(_MARKER_BYTES))
-        return {
-            "object": str(found["object"]),
-            "format": str(found["format"]),
-            "files": list(map(str, found["files"])),
-        }
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        return None
 
 
 def _swap(new: Path, folder: Path, old: Path) -> None:

@@ -2,7 +2,8 @@
 
 `mobility.urdf` has named visuals (`handle-15`), `semantics.txt` a line per link, `meta.json` the category. Lengths
 are metres and z is up; `meta.json` says so to our importer, which then neither scales nor moves the object. What
-URDF cannot say is left out: springs, and that chairs and buckets stand free.
+URDF cannot say is left out: springs, and that chairs and buckets stand free. `object.npz` holds the object itself,
+which `load_object` returns as long as no file of the folder is changed.
 """
 
 import json
@@ -13,7 +14,9 @@ from typing import Any
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, Category, CollisionShape, Joint, Link
+from artiskill.assets.exported_folder import OBJECT_FILE
 from artiskill.assets.handles import is_handle_part
+from artiskill.assets.object_file import write_object
 from artiskill.exports.common import (
     SurfaceFile,
     add,
@@ -58,6 +61,7 @@ def write_urdf(obj: ArticulatedObject, folder: Path) -> Path:
         _add_joint(root, link, obj.links[link.parent])
     write_xml(root, folder / URDF_FILE)
     _write_annotations(obj, folder)
+    write_object(obj, folder / OBJECT_FILE)
     return folder / URDF_FILE
 
 

@@ -67,16 +67,16 @@ def open_object(path: Path) -> Iterator[tuple[Path, str]]:
     if not is_file(path) or not zipfile.is_zipfile(path):
         raise AssetError(f"{str(path)!r} is neither a folder nor a zip; legal: an object's folder or a zip of one")
     with tempfile.TemporaryDirectory(prefix="artiskill-partnet-") as temporary:
-        target = Path(temporary) / path.stem
         try:
             with zipfile.ZipFile(path) as archive:
                 prefix = _object_prefix(archive, path)
+                target = Path(temporary) / (prefix.name or path.stem)
                 _extract(archive, prefix, target, path)
         except (OSError, ValueError, RuntimeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
             if isinstance(error, AssetError):
                 raise
             raise AssetError(f"zip {str(path)!r} cannot be read: {error}") from error
-        yield target, prefix.name or path.stem
+        yield target, target.name
 
 
 def _object_prefix(archive: zipfile.ZipFile, path: Path) -> PurePosixPath:
