@@ -412,8 +412,8 @@ def test_impossible_config_is_an_error() -> None:
     ("key", "value", "message"),
     [
         ("foot_height_m", [0.02, 0.01], "foot_height_m must be two numbers above 0"),
-        ("families", [], "at least one weight must be above 0 where held_out is False"),
-        ("materials", [], "unknown material 'plastic'"),
+        ("families", [], "at least one weight must be above 0"),
+        ("materials", [], "family 'household': materials have no 'plastic'"),
         ("colour", "red", "unknown key 'colour'"),
     ],
 )
@@ -427,6 +427,7 @@ def test_bad_config_values_are_named(key: str, value: object, message: str) -> N
     ("key", "value", "message"),
     [
         ("sections", {"triangle": 1.0}, "unknown name 'triangle'"),
+        ("top_m", [0.2, float("inf")], "top_m must be two numbers above 0"),
         ("taper_deg", [3.0, 30.0], "taper_deg must stay within 20"),
         ("ears", {"loop": 1.0}, "ears must be boss or tab where there is a bail"),
     ],

@@ -5,6 +5,7 @@ Each category has a package (`cabinets`, `chairs`, `buckets`) that exports a `Ge
 `<Category>FamilyConfig`.
 """
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import lru_cache
@@ -14,7 +15,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, Category
-from artiskill.config import check
+from artiskill.config import check, check_inside
 from artiskill.errors import shown
 
 _CACHED_OBJECTS = 256
@@ -126,9 +127,15 @@ _Family = TypeVar("_Family", bound=FamilyConfig)
 
 
 def pick_family(rng: np.random.Generator, families: Iterable[_Family], held_out: bool) -> _Family:
-    """Draw one of the held-out families, or one of the others, by its weight."""
+    """Draw one of the held-out families, or one of the others, by its weight.
+
+    Raises:
+        ConfigError: there is none with a weight above 0.
+    """
     legal = {family.name: family for family in families if family.held_out == held_out}
-    return legal[pick(rng, {name: family.weight for name, family in legal.items()})]
+    weights = {name: family.weight for name, family in legal.items()}
+    check(any(weights.values()), f"families: none with a weight above 0 has held_out {held_out}")
+    return legal[pick(rng, weights)]
 
 
 def check_families(families: Sequence[FamilyConfig]) -> None:
@@ -140,20 +147,19 @@ def check_families(families: Sequence[FamilyConfig]) -> None:
     names = [family.name for family in families]
     for family in families:
         where = f"family {family.name!r}"
-        check(family.weight >= 0, f"{where}: weight must be at least 0, not {shown(family.weight)}")
+        legal = 0 <= family.weight < math.inf
+        check(legal, f"{where}: weight must be at least 0, and finite, not {shown(family.weight)}")
         check(names.count(family.name) == 1, f"{where}: two families have this name")
-    for held_out in (False, True):
-        weights = [family.weight for family in families if family.held_out == held_out]
-        check(any(weights), f"families: at least one weight must be above 0 where held_out is {held_out}")
+    check(any(family.weight for family in families), "families: at least one weight must be above 0")
 
 
-def check_ranges(config: Any, where: str, zero: bool = False) -> None:
-    """Refuse a dataclass in which a field of type Range is not ordered and positive.
+def check_fields(config: Any, where: str, zero: bool = False) -> None:
+    """Refuse a dataclass with a Range that is not ordered and positive, or a probability not in [0, 1].
 
     Args:
         config: the dataclass; a field that is None is left out.
         where: begins the message.
-        zero: whether 0 is legal too.
+        zero: whether 0 is legal in a range, too.
 
     Raises:
         ConfigError: naming the field.
@@ -163,9 +169,11 @@ def check_ranges(config: Any, where: str, zero: bool = False) -> None:
         value = getattr(config, field.name)
         if field.type in (Range, "Range", Range | None) and value is not None:
             low, high = value
-            legal = (low >= 0 if zero else low > 0) and low <= high
+            legal = (low >= 0 if zero else low > 0) and low <= high < math.inf
             text = f"{where}: {field.name} must be two numbers {rule}, the smaller first, not {[low, high]}"
             check(legal, text)
+        elif field.name.endswith("_probability"):
+            check_inside(f"{where}: {field.name}", value, (0, 1))
 
 
 def check_weights(weights: Mapping[str, float], legal: tuple[str, ...], where: str) -> None:
@@ -176,5 +184,6 @@ def check_weights(weights: Mapping[str, float], legal: tuple[str, ...], where: s
     """
     for name, weight in weights.items():
         check(name in legal, f"{where}: unknown name {name!r}; legal: {', '.join(legal)}")
-        check(weight >= 0, f"{where}: the weight of {name!r} must be at least 0, not {shown(weight)}")
+        legal_weight = 0 <= weight < math.inf
+        check(legal_weight, f"{where}: the weight of {name!r} must be at least 0, and finite, not {shown(weight)}")
     check(any(weights.values()), f"{where}: at least one weight must be above 0")

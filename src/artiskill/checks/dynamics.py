@@ -230,14 +230,17 @@ def _swivel_joint(context: CheckContext) -> int | None:
 def check_ball(context: CheckContext) -> list[CheckResult]:
     """Check that balls, dropped one at a time into a bucket, end up inside the root's bounds."""
     scene = _scene_with_ball(context)
-    corners = np.concatenate([visual.mesh.bounds for visual in context.object.links[0].visuals])
+    visuals = context.object.links[0].visuals
+    corners = np.concatenate([visual.mesh.bounds for visual in visuals])
+    highest = max(visuals, key=lambda visual: float(visual.mesh.bounds[1, 2])).part
     bounds = np.stack((corners.min(axis=0), corners.max(axis=0)))  # (2, 3) of what is drawn of the root
     outside = []
     for side, name in _BALL_SIDES.items():
         place = _drop_ball(context, scene, bounds, np.array(side, dtype=float))
         if not ((place >= bounds[0]) & (place <= bounds[1])).all():
             outside.append(f"the one dropped {name} lies at {np.round(place, 2).tolist()}")
-    note = f"outside of the body {np.round(bounds, 2).tolist()}: {'; '.join(outside)}" if outside else ""
+    body = f"outside of the body {np.round(bounds, 2).tolist()}, whose top is that of {highest!r}"
+    note = f"{body}: {'; '.join(outside)}" if outside else ""
     return [at_least("object", len(_BALL_SIDES) - len(outside), len(_BALL_SIDES), "", note)]
 
 

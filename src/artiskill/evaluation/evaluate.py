@@ -54,7 +54,7 @@ def evaluate(
 
     Args:
         task: name of the task.
-        policy: `expert`, `random`, path of a solution file, function (observation) -> action, or object with
+        policy: `expert`, `demonstrator`, `random`, `still`, path of a solution file, function (observation) -> action, or object with
             `obs_mode`, `reset(observation, info)` and `act(observation)`, and with `control_mode` unless that is
             `joint`.
         objects: a split, an id, a list of ids, or `ArticulatedObject`s.

@@ -9,6 +9,7 @@ from typing import Literal
 
 from artiskill.assets.finishes import Surface
 
+MaterialKind = Literal["plastic", "galvanised", "enamel", "wood"]
 SectionKind = Literal["round", "square", "hexagon", "octagon", "oval"]
 ProfileKind = Literal["straight", "stepped", "ribbed", "bellied", "flared"]
 FootKind = Literal["flat", "skirt", "ring"]
@@ -115,7 +116,7 @@ class BucketSpec:
 
     family: str
     held_out: bool  # whether the family is kept from training and test objects
-    material: str  # `plastic`, `galvanised`, `enamel` or `wood`
+    material: str  # one of `MaterialKind`
     section: Section
     profile: Profile
     foot: Foot

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from functools import cache
 from typing import get_args
 
+from artiskill.assets.cabinets.appearance import SCHEMES
 from artiskill.assets.cabinets.spec import FaceKind, HandleKind, LegShape, SupportKind
 from artiskill.assets.finishes import PAINTS
-from artiskill.assets.generators import Range, check_families, check_ranges, check_weights
+from artiskill.assets.generators import Range, check_families, check_fields, check_weights
 from artiskill.config import CONFIG_DIR, check, check_positive, load_config
 
 LAYOUTS = ("columns", "rows", "strip", "drawers", "door", "flap", "open", "blind")
@@ -19,32 +20,56 @@ HOLDABLE = (*HANDLES, *LAYOUTS, *FACES, BOW)
 
 @dataclass(frozen=True)
 class CabinetFamilyConfig:
-    """One kind of furniture: its outer sizes and what its front is made of."""
+    """One kind of furniture: its outer sizes and what its front is made of.
 
-    name: str  # goes into the object's metadata
-    weight: float  # how often it is drawn, relative to the others with the same `held_out`
-    width_m: Range  # outer width of the carcass, along y
-    depth_m: Range  # outer depth of the carcass, along x, without overlay fronts
-    height_m: Range  # from the ground to the top, support included
-    supports: dict[str, float]  # weights of what it stands on
-    # weights of what a region of the front becomes: `columns`, `rows` and `strip` split it again
+    Weights, `{"legs": 1.0}`, name the forms that are drawn, and how often relative to each other. A range has the
+    smallest and the largest value, which may be equal.
+
+    Attributes:
+        name: goes into the object's metadata.
+        weight: how often the family is drawn, relative to the others with the same `held_out`; 0 for never.
+        width_m: range of the carcass's outer width, along y.
+        depth_m: range of its outer depth, along x, without overlay fronts.
+        height_m: range from the ground to the top, support included.
+        supports: weights of what it stands on: `plinth`, `sides`, `legs`, `casters`, `floor`, `wall`.
+        layouts: weights of what a region of the front becomes: `columns`, `rows` and `strip` split it again;
+            `drawers`, `door`, `flap`, `open`, `blind`.
+        faces: weights of what the fronts look like: `slab`, `shaker`, `raised`, `glazed`, `louvred`, `planks`.
+        handles: weights of the drawers' handles, which doors mostly share: `bar`, `bow`, `knob`, `ring`, `lip`,
+            `slot`, `cup`.
+        overhang_probability: how often the top stands over the front and the sides.
+        inset_probability: how often fronts lie within the carcass instead of over its edges.
+        held_out: whether it is drawn only where `held_out=True` is asked for: training and test objects are not.
+        cornice_probability: of an overhanging top, how often it is stepped.
+        upstand_probability: how often a board stands along the top's back edge.
+        finishes: weights of keys of `appearance.SCHEMES`; None for the usual ones.
+        bow_m: range of how far the face bulges out; None where it is flat.
+    """
+
+    name: str
+    weight: float
+    width_m: Range
+    depth_m: Range
+    height_m: Range
+    supports: dict[str, float]
     layouts: dict[str, float]
-    faces: dict[str, float]  # weights of what the fronts look like
-    handles: dict[str, float]  # weights of the drawers' handles; doors mostly have the same
-    overhang_probability: float  # how often the top stands over the front and the sides
-    inset_probability: float  # how often fronts lie within the carcass instead of over its edges
-    held_out: bool = False  # whether it is kept from training and test
-    cornice_probability: float = 0.0  # of an overhanging top: how often it is stepped
-    upstand_probability: float = 0.0  # how often a board stands along the top's back edge
-    # weights of schemes of `appearance.SCHEMES`; empty for the usual ones
+    faces: dict[str, float]
+    handles: dict[str, float]
+    overhang_probability: float
+    inset_probability: float
+    held_out: bool = False
+    cornice_probability: float = 0.0
+    upstand_probability: float = 0.0
     finishes: dict[str, float] | None = None
-    bow_m: Range | None = None  # how far the face bulges out; None where it is flat
+    bow_m: Range | None = None
 
     def __post_init__(self) -> None:
         where = f"family {self.name!r}"
-        check_ranges(self, where)
+        check_fields(self, where)
         for name, legal in (("supports", SUPPORTS), ("layouts", LAYOUTS), ("faces", FACES), ("handles", HANDLES)):
             check_weights(getattr(self, name), legal, f"{where}: {name}")
+        if self.finishes:
+            check_weights(self.finishes, tuple(SCHEMES), f"{where}: finishes")
         flush = {"lip", "slot"} & {name for name, weight in self.handles.items() if weight > 0}
         check(self.bow_m is None or not flush, f"{where}: a bowed front has no handle of kind {sorted(flush)}")
 
@@ -87,7 +112,7 @@ class HandleConfig:
     mixed_probability: float  # how often doors carry another kind than drawers
 
     def __post_init__(self) -> None:
-        check_ranges(self, "handle")
+        check_fields(self, "handle")
         for name in ("centres_m", "cup_centres_m"):
             check(len(getattr(self, name)) > 0, f"handle: {name} must name at least one distance")
         check_weights(self.bar_shapes, ("round", "square", "flat"), "handle: bar_shapes")
@@ -152,7 +177,7 @@ class CabinetConfig:
     handle: HandleConfig
 
     def __post_init__(self) -> None:
-        check_ranges(self, "cabinet")
+        check_fields(self, "cabinet")
         check_weights(self.strips, STRIPS, "strips")
         check_weights(self.leg_shapes, LEG_SHAPES, "leg_shapes")
         check_families(self.families)

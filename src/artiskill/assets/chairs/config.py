@@ -7,7 +7,7 @@ from typing import get_args
 
 from artiskill.assets.chairs.spec import ArmKind, BackKind, CasterKind, SeatKind
 from artiskill.assets.finishes import Finish
-from artiskill.assets.generators import Range, check_families, check_ranges, check_weights
+from artiskill.assets.generators import Range, check_families, check_fields, check_weights
 from artiskill.config import CONFIG_DIR, check, load_config
 
 GENERATOR_YAML: Path = CONFIG_DIR / "catalog" / "chair_generator.yaml"
@@ -29,28 +29,50 @@ _MOST_LEAN_DEG = 25.0
 
 @dataclass(frozen=True)
 class ChairFamilyConfig:
-    """One kind of chair: which parts it is put together from, with which weights."""
+    """One kind of chair: which parts it is put together from, with which weights.
 
-    name: str  # goes into the object's metadata
-    weight: float  # how often it is drawn, relative to the other families of its split
-    held_out: bool  # whether it is kept out of training and test objects
-    bases: dict[str, float]  # `star4` and `star5` have legs with casters
-    casters: dict[str, float]  # empty for bases without
-    seats: dict[str, float]  # the front of a `waterfall` falls off
-    backs: dict[str, float]  # `mesh` is a frame with a net, `curved` a shell
+    Weights, `{"round": 1.0}`, name the forms that are drawn, and how often relative to each other. A range has the
+    smallest and the largest value, which may be equal.
+
+    Attributes:
+        name: goes into the object's metadata.
+        weight: how often the family is drawn, relative to the others with the same `held_out`; 0 for never.
+        held_out: whether it is drawn only where `held_out=True` is asked for: training and test objects are not.
+        bases: weights of `star4` and `star5`, whose legs have casters, `disc`, `sled`, `cantilever`.
+        casters: weights of `twin`, `single`, `ball`; empty for bases without.
+        seats: weights of `square`, `round`, `waterfall`, whose front falls off, `saddle`.
+        backs: weights of `none`, `low`, `high`, `mesh`, a frame with a net, `curved`, a shell, `slats`.
+        arms: weights of `none`, `tee`, `loop`, `cantilever`.
+        tilts: weights of what leans back under a load: `none`, `seat` (with the back), `back`, `both`.
+        seat_height_m: range from the ground to the seat's top.
+        seat_width_m: range along y.
+        seat_depth_m: range along x.
+        headrest_probability: how often a back carries one.
+        footrest_probability: how often a ring for the feet goes around the column.
+        structures: weights of what base and frame are made of: `plastic`, `metal`, `wood`.
+        covers: weights of what seat and back are covered with: `fabric`, `leather`, `plastic`, `wood`.
+    """
+
+    name: str
+    weight: float
+    held_out: bool
+    bases: dict[str, float]
+    casters: dict[str, float]
+    seats: dict[str, float]
+    backs: dict[str, float]
     arms: dict[str, float]
-    tilts: dict[str, float]  # what leans back under a load: `seat` (with the back), `back`, `both`
-    seat_height_m: Range  # from the ground to the seat's top
-    seat_width_m: Range  # along y
-    seat_depth_m: Range  # along x
-    headrest_probability: float  # how often a back carries one
-    footrest_probability: float  # how often a ring for the feet goes around the column
-    structures: dict[str, float]  # what base and frame are made of
-    covers: dict[str, float]  # what seat and back are covered with or made of
+    tilts: dict[str, float]
+    seat_height_m: Range
+    seat_width_m: Range
+    seat_depth_m: Range
+    headrest_probability: float
+    footrest_probability: float
+    structures: dict[str, float]
+    covers: dict[str, float]
 
     def __post_init__(self) -> None:
         where = f"family {self.name!r}"
-        check_ranges(self, where, zero=True)
+        check_fields(self, where, zero=True)
         for name, legal in _CHOICES.items():
             check_weights(getattr(self, name), legal, f"{where}: {name}")
         if any(self.bases.get(name, 0) > 0 for name in ("star4", "star5")):
@@ -65,7 +87,7 @@ class SeatConfig:
     shape_m: Range
 
     def __post_init__(self) -> None:
-        check_ranges(self, "seat", zero=True)
+        check_fields(self, "seat", zero=True)
 
 
 @dataclass(frozen=True)
@@ -80,7 +102,7 @@ class BackConfig:
     wrap_m: Range  # how far the sides come forward of the middle
 
     def __post_init__(self) -> None:
-        check_ranges(self, "back", zero=True)
+        check_fields(self, "back", zero=True)
         check(self.lean_deg[1] <= _MOST_LEAN_DEG, f"back: lean_deg must stay within {_MOST_LEAN_DEG:g}")
 
 
@@ -102,7 +124,7 @@ class MassConfig:
     headrest_kg: Range
 
     def __post_init__(self) -> None:
-        check_ranges(self, "masses", zero=True)
+        check_fields(self, "masses", zero=True)
         check(set(self.base_kg) >= set(_STRUCTURES), f"masses: base_kg needs the keys {', '.join(_STRUCTURES)}")
 
 
@@ -134,7 +156,7 @@ class ChairConfig:
     masses: MassConfig
 
     def __post_init__(self) -> None:
-        check_ranges(self, "chair", zero=True)
+        check_fields(self, "chair", zero=True)
         check_families(self.families)
         check(set(self.seats) >= set(get_args(SeatKind)), f"seats needs the keys {', '.join(get_args(SeatKind))}")
         check(set(self.backs) >= set(get_args(BackKind)), f"backs needs the keys {', '.join(get_args(BackKind))}")
