@@ -176,6 +176,7 @@ def test_a_bucket_without_a_wall(make: SimpleNamespace) -> None:
     found = faults(open_side)
     assert "ball" in found
     assert found["ball"][0].value < 5
+    assert "whose top is that of 'wall': the one dropped" in found["ball"][0].note
 
 
 def test_the_budget(make: SimpleNamespace) -> None:
