@@ -1,10 +1,17 @@
-"""What networks and algorithms see: observations and batches of steps, as tensors on one device."""
+"""What networks and algorithms see: observations and batches of steps, as tensors on one device.
+
+Torch is needed for types only, so that training sets can be made and looked at without it.
+"""
+
+from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from torch import Tensor
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 
 class Observation(NamedTuple):

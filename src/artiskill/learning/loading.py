@@ -14,8 +14,9 @@ from artiskill.learning.batch import Batch, Observation
 from artiskill.learning.observation import REAL, ObservationLayout
 from artiskill.learning.training_set import TrainingSet
 
-_AHEAD = 8  # batches that are read before they are asked for
-_READERS = 4  # threads: a disk answers several at once
+# Batches read before they are asked for: a disk answers several at once, and as many lie ready.
+_READERS, _MOST_AHEAD, _LEAST_AHEAD = 8, 16, 2
+_AHEAD_BYTES = 256_000_000  # that they may take
 
 
 class StepSampler:
@@ -56,14 +57,11 @@ class StepSampler:
         return found
 
 
-class _Raw(NamedTuple):
-    """A batch as it was read."""
+class _Records(NamedTuple):
+    """A batch as it lies on the disk, on its way to a device: fewer bytes travel."""
 
     records: Tensor  # (B, 1 or 2, bytes) uint8
-    action: Tensor
-    weight: Tensor
-    reward: Tensor
-    terminated: Tensor
+    step: dict[str, Tensor]  # what `Batch` has besides observations
 
 
 class BatchLoader:
@@ -108,8 +106,11 @@ class BatchLoader:
         self._needs_next, self._rank, self._ranks = needs_next, rank, world_size
         self._device = torch.device(device)
         self._sampler = StepSampler(training_set, seed, disturbed=needs_next)
+        points = training_set.sizes.points * (3 + 3 + training_set.sizes.masks)
+        batch_bytes = batch_size // world_size * (1 + needs_next) * points * np.dtype(np.float32).itemsize
+        self._ahead = max(_LEAST_AHEAD, min(_MOST_AHEAD, _AHEAD_BYTES // batch_bytes))
         self._pool = ThreadPoolExecutor(_READERS, "artiskill-loader")
-        self._waiting: deque[Future[_Raw | Batch]] = deque()
+        self._waiting: deque[Future[Batch | _Records]] = deque()
 
     def __iter__(self) -> Self:
         """Return itself."""
@@ -117,7 +118,7 @@ class BatchLoader:
 
     def __next__(self) -> Batch:
         """Return the next batch."""
-        while len(self._waiting) < _AHEAD:
+        while len(self._waiting) < self._ahead:
             self._waiting.append(self._pool.submit(self._read, self._next))
             self._next += 1
         found = self._waiting.popleft().result()
@@ -136,34 +137,29 @@ class BatchLoader:
         self._pool.shutdown(wait=True, cancel_futures=True)
         self._waiting.clear()
 
-    def _read(self, number: int) -> _Raw | Batch:
+    def _read(self, number: int) -> Batch | _Records:
+        """Return a batch, in a reader: by NumPy, as torch's own threads would be more than there are cores."""
         rows = self._sampler.draw(number, self._size)[self._rank :: self._ranks]
         steps = self._set.steps[rows]
         records = self._set.read(steps["frame"], int(self._needs_next))
-        as_bytes = records.view(np.uint8).reshape(*records.shape, -1)
-        raw = _Raw(
-            records=torch.from_numpy(as_bytes),
-            action=torch.from_numpy(np.ascontiguousarray(steps["action"])),
-            weight=torch.from_numpy((~steps["disturbed"]).astype(np.float32)),
-            reward=torch.from_numpy(np.ascontiguousarray(steps["reward"])),
-            terminated=torch.from_numpy(steps["terminated"].astype(np.float32)),
-        )
-        if self._device.type == "cuda":  # decoded there: fewer bytes travel
-            return _Raw(*(one.pin_memory() for one in raw))
-        return self._decode(raw)
-
-    def _decode(self, raw: _Raw) -> Batch:
+        values = {name: steps[name] for name in ("action", "reward", "terminated")}
+        values["weight"] = ~steps["disturbed"]
+        step = {name: torch.from_numpy(np.ascontiguousarray(v, np.float32)) for name, v in values.items()}
         if self._device.type != "cpu":
-            raw = _Raw(*(one.to(self._device, non_blocking=True) for one in raw))
-        layout = self._set.layout
-        return Batch(
-            observation=decode(raw.records[:, 0], layout),
-            action=raw.action,
-            weight=raw.weight,
-            reward=raw.reward,
-            terminated=raw.terminated,
-            next_observation=decode(raw.records[:, 1], layout) if self._needs_next else None,
-        )
+            as_bytes = torch.from_numpy(records.view(np.uint8).reshape(*records.shape, -1))
+            return _Records(as_bytes.pin_memory(), {name: one.pin_memory() for name, one in step.items()})
+        seen = [self._set.layout.decode(records[:, k]) for k in range(records.shape[1])]
+        return _batch([Observation(*map(torch.from_numpy, arrays)) for arrays in seen], step)
+
+    def _decode(self, found: _Records) -> Batch:
+        records = found.records.to(self._device, non_blocking=True)
+        step = {name: one.to(self._device, non_blocking=True) for name, one in found.step.items()}
+        return _batch([decode(one, self._set.layout) for one in records.unbind(dim=1)], step)
+
+
+def _batch(observations: list[Observation], step: dict[str, Tensor]) -> Batch:
+    following = observations[1] if len(observations) > 1 else None
+    return Batch(observation=observations[0], next_observation=following, **step)
 
 
 def decode(records: Tensor, layout: ObservationLayout) -> Observation:

@@ -79,11 +79,13 @@ class ObservationLayout:
     def decode(self, records: np.ndarray) -> ObservationArrays:
         """Return what a network sees of records (B,)."""
         codes = records["codes"]
-        bits = np.arange(self.masks, dtype=np.uint8)
+        masks = np.empty((*codes.shape, self.masks), dtype=np.float32)
+        for mask in range(self.masks):
+            masks[..., mask] = (codes >> np.uint8(mask)) & np.uint8(1)
         return ObservationArrays(
             points=records["points"].astype(np.float32),
             colors=records["colors"].astype(np.float32) / np.float32(255.0),
-            masks=((codes[..., None] >> bits) & 1).astype(np.float32),
+            masks=masks,
             valid=codes >= REAL,
             agent=records["agent"].astype(np.float32),
         )
