@@ -26,6 +26,7 @@ from artiskill.errors import ConfigError, shown
 MOST_JSON_BYTES = 100_000_000  # a manifest has 400 bytes for each object
 MOST_YAML_BYTES = 500_000  # a split file has 20 bytes for each object; PyYAML reads about 100 kB a second
 _MOST_BYTES = 2 * 1024**3
+_LEAST_BUFFER = 1 << 20  # for files whose size the system does not know: those of /proc
 _MOST_NAME_BYTES, _MOST_PATH_BYTES = 255, 4095  # of Linux: NAME_MAX, PATH_MAX without its end
 _MOST_DEPTH = 50  # of nested lists and mappings: the deepest of ours is 6
 _MOST_VALUES = 50_000  # of a YAML text, each as often as aliases repeat it
@@ -86,7 +87,10 @@ def read_bytes(path: Path | str, most_bytes: int = _MOST_BYTES) -> bytes:
         OSError: it cannot be read, is no regular file, or is larger than it may be.
     """
     with open_regular(path) as file:
-        content = file.read(most_bytes + 1)
+        size = max(
+            os.fstat(file.fileno()).st_size, _LEAST_BUFFER
+        )  # reading takes the memory that it may need first
+        content = file.read(min(most_bytes, size) + 1)
     if len(content) > most_bytes:
         raise OSError(errno.EFBIG, f"it has more than the {_size(most_bytes)} allowed", str(path))
     return content

@@ -148,18 +148,18 @@ class _Builder:
         entries = {
             name: entry for name, entry in self._training.manifest.files.items() if name in self._origin.sources
         }
-        total, done = sum(entry.trajectories for entry in entries.values()), 0
+        count = self._origin.options.count
+        total = sum(min(entry.trajectories, count or entry.trajectories) for entry in entries.values())
+        done = 0
         with (self._work / FRAMES).open("wb") as out:
             for name, entry in entries.items():
                 check_file(self._training.folder, name, entry, TRAINING)
                 with TrainingFile(self._training.folder / name) as file:
-                    chosen = choose_trajectories(file, self._origin.options.count)
-                    for number in chosen:
+                    for number in choose_trajectories(file, count):
                         self._add(file, number, out)
                         done += 1
                         if on_progress is not None:
                             on_progress("writing", done, total)
-                    done += len(file) - len(chosen)
             _sync(out)
         self._finish()
 

@@ -101,6 +101,7 @@ class BatchLoader:
             batch_size % world_size == 0,
             f"a batch of {batch_size} cannot be split among {world_size} processes alike; choose a multiple",
         )
+        check(seed >= 0, f"the seed must be at least 0, not {seed}")
         check(start_step >= 0, f"the first batch's number must be at least 0, not {start_step}")
         self._set, self._size, self._next = training_set, batch_size, start_step
         self._needs_next, self._rank, self._ranks = needs_next, rank, world_size

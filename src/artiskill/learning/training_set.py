@@ -172,6 +172,11 @@ class TrainingSet:
         self._handle = _open_for_random_reads(self.folder / FRAMES)
         self._close = weakref.finalize(self, os.close, self._handle)
 
+    @property
+    def digest(self) -> str:
+        """Hash of the manifest, which has those of the files: 16 hexadecimal digits."""
+        return json.loads(manifest_text(self.manifest))["checksum"]
+
     def __len__(self) -> int:
         """Return the number of steps."""
         return self.manifest.steps
@@ -242,7 +247,7 @@ class TrainingSet:
         )
         for what, wanted, found in pairs:
             if wanted is not None and wanted != found:
-                raise DemoError(f"{str(self.folder)!r} is a training set of {what} {found}, not {shown(wanted)}")
+                raise DemoError(f"the training set {str(self.folder)!r} is of {what} {found}, not {shown(wanted)}")
 
     def _load(self, name: str, dtype: np.dtype[Any], count: int) -> np.ndarray:
         path = self.folder / name
