@@ -1,7 +1,7 @@
 """A task from outside that returns something else than it should: one error, once, that says what."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ import pytest
 import artiskill.envs.base
 from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.errors import ConfigError
+from artiskill.tasks.push_chair import PushChairConfig
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Task
 from artiskill.tasks.validation import check_flags, check_terms
@@ -34,6 +35,19 @@ def test_a_task_whose_parts_are_wrong(changes: dict[str, Any], says: str) -> Non
         replace(TASK, **changes)
     assert str(caught.value).startswith("task PushChair: ")
     assert says in str(caught.value)
+
+
+def test_a_configuration_that_is_made_in_python() -> None:
+    class Unchecked(PushChairConfig):
+        def __post_init__(self) -> None:
+            """Check nothing, not even what its base checks."""
+
+    values = {f.name: getattr(TASK.config, f.name) for f in fields(TASK.config)}
+    config = Unchecked(**values | {"episode_steps": 0})
+    with pytest.raises(ConfigError, match=r"episode_steps must lie in \[1, 1000000\], not 0"):
+        replace(TASK, config=config)
+    with pytest.raises(ConfigError, match=r"a task's config must be a TaskConfig, not \{\}"):
+        replace(TASK, config={})
 
 
 @pytest.mark.parametrize(

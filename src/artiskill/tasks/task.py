@@ -153,6 +153,10 @@ class Task:
     describe_progress: Callable[[Snapshot, Goal], str] | None = None
 
     def __post_init__(self) -> None:
+        check(
+            isinstance(self.config, TaskConfig), f"a task's config must be a TaskConfig, not {shown(self.config)}"
+        )
+        TaskConfig.__post_init__(self.config)  # a subclass that is made in Python may check other things only
         check_parts(self)
 
     @property
