@@ -17,7 +17,7 @@ from artiskill.experts.open_cabinet import OpenCabinetExpert
 from artiskill.sensors.camera import Camera
 from artiskill.sensors.observations.sampling import downsample, make_sampler
 from artiskill.sensors.pictures.compose import below, beside, draw_points, paint_depth, paint_masks
-from artiskill.sensors.pictures.objects import render_object
+from artiskill.sensors.pictures.objects import OrbitView, render_object
 
 TASK, OBJECT, LEVEL, STEPS = "OpenCabinetDrawer", "cabinet-0023", 3, 60
 OUT = Path(__file__).resolve().parents[1] / "docs" / "images"
@@ -87,7 +87,7 @@ def render_sheet(folder: Path, object_id: str) -> None:
     path = folder / "render_sheet.png"
     save_episode_picture(path, EpisodeChoice(TASK, object_id, level=LEVEL), PictureStyle(view="all"), STEPS)
     print(f"{path}: {path.stat().st_size / 1e3:.0f} kB")
-    alone = [render_object(load_object(object_id), share, 480, 400) for share in (0.0, 0.8)]
+    alone = [render_object(load_object(object_id), share, OrbitView(480, 400)) for share in (0.0, 0.8)]
     save(folder / "render_object.png", beside(alone))
 
 

@@ -26,7 +26,7 @@ from artiskill.files import atomic_write, check_output_folder, output_path
 from artiskill.geometry.rotations import quat_to_matrix
 from artiskill.sensors.camera import Camera
 from artiskill.sensors.pictures.compose import below, beside
-from artiskill.sensors.pictures.objects import AZIMUTH_DEG, CLOSED, ELEVATION_DEG, ObjectView
+from artiskill.sensors.pictures.objects import AZIMUTH_DEG, CLOSED, ELEVATION_DEG, ObjectView, OrbitView
 from artiskill.sensors.render_config import RenderConfig
 from artiskill.tasks.levels import check_level
 
@@ -190,15 +190,10 @@ def _object_camera(
     """Return the camera that shows an object whole, closed and opened, where the viewpoint leaves that open."""
     azimuth_deg = AZIMUTH_DEG if place.azimuth_deg is None else place.azimuth_deg
     elevation_deg = ELEVATION_DEG if place.elevation_deg is None else place.elevation_deg
-    return view.camera(
-        (CLOSED, opened),
-        width,
-        height,
-        azimuth_deg,
-        elevation_deg,
-        distance_m=place.distance_m,
-        target_w=place.target_w,
+    found = OrbitView(
+        width, height, azimuth_deg, elevation_deg, distance_m=place.distance_m, target_w=place.target_w
     )
+    return view.camera((CLOSED, opened), found)
 
 
 def save_demos_picture(

@@ -15,7 +15,7 @@ from artiskill.assets.articulated_object import CATEGORIES, ArticulatedObject
 from artiskill.config import CONFIG_DIR, check, check_value, load_config
 from artiskill.files import atomic_write
 from artiskill.gallery.facts import ObjectFacts
-from artiskill.sensors.pictures.objects import ObjectView
+from artiskill.sensors.pictures.objects import ObjectView, OrbitView
 from artiskill.sensors.render_config import load_render_config
 
 _WEBP_EFFORT = 5  # of WebP's encoder, 0 to 6
@@ -108,7 +108,8 @@ def draw_frames(obj: ArticulatedObject, config: GalleryConfig) -> np.ndarray:
     shares = joint_shares(obj, config)
     rows = []
     for place in config.views[obj.category]:
-        camera = view.camera(list(shares), config.width, config.height, place.azimuth_deg, place.elevation_deg)
+        direction = OrbitView(config.width, config.height, place.azimuth_deg, place.elevation_deg)
+        camera = view.camera(list(shares), direction)
         rows.append(np.concatenate([view.draw(share, camera) for share in shares], axis=1))
     return np.concatenate(rows, axis=0)
 

@@ -108,14 +108,14 @@ def build_scene_tables(visuals: Sequence[BodyVisual], crease_angle_rad: float, m
     """
     for geom, item in enumerate(visuals):
         _check_visual(geom, item)
-    meshes, parts = [item.visual.mesh for item in visuals], part_names(visuals)
-    geom_body = np.array([item.body for item in visuals], dtype=np.int32)
-    vertex_counts, face_counts = [len(m.vertices) for m in meshes], [len(m.faces) for m in meshes]
-    first_vertex = np.cumsum([0, *vertex_counts]).astype(np.int64)
+    meshes, geoms = [item.visual.mesh for item in visuals], _geom_tables(visuals)
+    face_counts = np.diff(geoms["geom_faces"])
     vertices = _stack([m.vertices for m in meshes], (0, 3), np.float64)
-    faces = _stack([m.faces + o for m, o in zip(meshes, first_vertex[:-1], strict=True)], (0, 3), np.int32)
+    firsts = geoms["geom_vertices"][:-1]
+    faces = _stack([m.faces + o for m, o in zip(meshes, firsts, strict=True)], (0, 3), np.int32)
     is_open = np.repeat(np.array([not is_closed(m) for m in meshes], dtype=np.bool_), face_counts)
-    two_sided = is_open & ~have_opposite_faces(vertices, np.repeat(geom_body, vertex_counts), faces)
+    vertex_body = np.repeat(geoms["geom_body"], np.diff(geoms["geom_vertices"]))
+    two_sided = is_open & ~have_opposite_faces(vertices, vertex_body, faces)
     face_geom = np.repeat(np.arange(len(meshes), dtype=np.int32), face_counts)
     normals = _stack([corner_normals(m, crease_angle_rad) for m in meshes], (0, 3, 3), np.float32)
     point_normals, face_rows = _lit_points(faces, face_geom, normals)
@@ -126,20 +126,29 @@ def build_scene_tables(visuals: Sequence[BodyVisual], crease_angle_rad: float, m
         planes=_face_planes(vertices[faces], two_sided),
         two_sided=two_sided,
         face_geom=face_geom,
-        geom_vertices=first_vertex,
-        geom_faces=np.cumsum([0, *face_counts]).astype(np.int64),
-        geom_spheres=_bounding_spheres([m.vertices for m in meshes]),
-        geom_body=geom_body,
-        # a world-fixed visual's id must differ from "nothing", which is -1 too
-        geom_body_id=np.where(geom_body < 0, -2, geom_body).astype(np.int32),
-        geom_part=np.array([parts.index(item.visual.part) for item in visuals], dtype=np.int32),
         face_rows=face_rows,
         point_normals=point_normals,
         corner_uvs=_stack([_corner_uvs(item.visual) for item in visuals], (0, 3, 2), np.float32),
-        materials=_stack([_material_row(item.visual) for item in visuals], (0, 4), np.float64),
         textures=textures,
         texels=texels,
+        **geoms,
     )
+
+
+def _geom_tables(visuals: Sequence[BodyVisual]) -> dict[str, np.ndarray]:
+    """Return those fields of `SceneTables` that have an entry for each geom, but for the textures."""
+    meshes, parts = [item.visual.mesh for item in visuals], part_names(visuals)
+    geom_body = np.array([item.body for item in visuals], dtype=np.int32)
+    return {
+        "geom_vertices": np.cumsum([0, *(len(m.vertices) for m in meshes)]).astype(np.int64),
+        "geom_faces": np.cumsum([0, *(len(m.faces) for m in meshes)]).astype(np.int64),
+        "geom_spheres": _bounding_spheres([m.vertices for m in meshes]),
+        "geom_body": geom_body,
+        # a world-fixed visual's id must differ from "nothing", which is -1 too
+        "geom_body_id": np.where(geom_body < 0, -2, geom_body).astype(np.int32),
+        "geom_part": np.array([parts.index(item.visual.part) for item in visuals], dtype=np.int32),
+        "materials": _stack([_material_row(item.visual) for item in visuals], (0, 4), np.float64),
+    }
 
 
 def _check_visual(geom: int, item: BodyVisual) -> None:

@@ -120,13 +120,10 @@ def following_cameras(
     Raises:
         ConfigError: a value out of range or not finite.
     """
-    check(0 <= free_below <= 0.5, f"the free share of the picture must lie in [0, 0.5], not {free_below}")
     backward = _direction(azimuth_deg, elevation_deg)
     lens = _lens(width, height, fov_deg)
     axes = Camera.look_at(backward, np.zeros(3), **lens).rotation_w  # columns right, up, backward
-    above = math.tan(math.radians(fov_deg) / 2) * (1.0 - _MARGIN)
-    side = above * width / height
-    slopes = np.array((side, side, above, above * (1.0 - 2.0 * free_below)))
+    slopes = _slopes(width, height, fov_deg, free_below)
     demands = np.array([_demands(points @ axes * (1.0, 1.0, -1.0), slopes) for points in points_w])
     cameras = []
     for *planes, depth, behind in _calmed(demands, slopes, calm_frames).tolist():
@@ -134,6 +131,14 @@ def following_cameras(
         eye = axes @ np.array(((right - left) / 2, (top - bottom) / 2, -depth))
         cameras.append(Camera(eye, axes, far_m=max(FAR_M, 2.0 * (behind - depth)), **lens))
     return cameras
+
+
+def _slopes(width: int, height: int, fov_deg: float, free_below: float) -> np.ndarray:
+    """Return how far what must be seen may lie to the right, left, top and bottom, at depth 1."""
+    check(0 <= free_below <= 0.5, f"the free share of the picture must lie in [0, 0.5], not {free_below}")
+    above = math.tan(math.radians(fov_deg) / 2) * (1.0 - _MARGIN)
+    side = above * width / height
+    return np.array((side, side, above, above * (1.0 - 2.0 * free_below)))
 
 
 def _demands(points: np.ndarray, slopes: np.ndarray) -> np.ndarray:

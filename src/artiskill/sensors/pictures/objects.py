@@ -1,6 +1,7 @@
 """Pictures of an object alone, its joints anywhere in their ranges: no robot, no task, no engine."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,6 +18,32 @@ AZIMUTH_DEG, ELEVATION_DEG, FOV_DEG = 212.0, 20.0, 35.0  # cabinets face -x: a l
 CLOSED = 0.0
 
 Fractions = float | Sequence[float] | np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class OrbitView:
+    """Where a camera looks from; as near as the whole object allows, unless a distance or a target fix it.
+
+    Attributes:
+        width: pixels.
+        height: pixels.
+        azimuth_deg: where the camera stands, counter-clockwise from +x seen from above; cabinets face 180.
+        elevation_deg: where it stands above the horizon, [-90, 90].
+        fov_deg: vertical field of view, in (0, 180).
+        distance_m: of the camera from the target; None for what the object needs.
+        target_w: (3,) the middle of the picture; None for the object's middle, where a distance is given.
+    """
+
+    width: int = 640
+    height: int = 480
+    azimuth_deg: float = AZIMUTH_DEG
+    elevation_deg: float = ELEVATION_DEG
+    fov_deg: float = FOV_DEG
+    distance_m: float | None = None
+    target_w: Sequence[float] | np.ndarray | None = None
+
+
+_DEFAULT_VIEW = OrbitView()
 
 
 class ObjectView:
@@ -37,43 +64,26 @@ class ObjectView:
         visuals = [BodyVisual(i, visual) for i in links for visual in self.object.links[i].visuals]
         return Renderer(visuals, self._config)
 
-    def camera(
-        self,
-        states: Sequence[Fractions] = (CLOSED,),
-        width: int = 640,
-        height: int = 480,
-        azimuth_deg: float = AZIMUTH_DEG,
-        elevation_deg: float = ELEVATION_DEG,
-        fov_deg: float = FOV_DEG,
-        *,
-        distance_m: float | None = None,
-        target_w: Sequence[float] | np.ndarray | None = None,
-    ) -> Camera:
-        """The camera from a direction that sees the whole object in each of several states.
-
-        A distance or a target fix it instead.
+    def camera(self, states: Sequence[Fractions] = (CLOSED,), view: OrbitView = _DEFAULT_VIEW) -> Camera:
+        """The camera that sees the whole object in each of several states.
 
         Args:
             states: each as `joint_fractions` of `render_object`.
-            width: pixels.
-            height: pixels.
-            azimuth_deg: as in `sensors.pictures.framing.orbit_camera`, as all that follow.
-            elevation_deg: .
-            fov_deg: .
-            distance_m: None for what the object needs.
-            target_w: (3,); None for the object's middle, where a distance is given.
+            view: where from; its distance or target fix the camera instead.
 
         Raises:
             ConfigError: a value out of range.
         """
+        angles_and_lens = view.azimuth_deg, view.elevation_deg, view.width, view.height, view.fov_deg
         points = [drawn_points(self.object, joint_values(self.object, state)) for state in states]
-        camera = framing_camera(np.concatenate(points), azimuth_deg, elevation_deg, width, height, fov_deg)
+        camera = framing_camera(np.concatenate(points), *angles_and_lens)
+        distance_m, target_w = view.distance_m, view.target_w
         if distance_m is None and target_w is None:
             return camera
         target = self.object.bounds.mean(axis=0) if target_w is None else np.asarray(target_w, dtype=np.float64)
         if distance_m is None:
             distance_m = float(np.linalg.norm(camera.position_w - target))
-        return orbit_camera(target, distance_m, azimuth_deg, elevation_deg, width, height, fov_deg)
+        return orbit_camera(target, distance_m, *angles_and_lens)
 
     def draw(self, joint_fractions: Fractions, camera: Camera) -> np.ndarray:
         """The object in one state, (H, W, 3) uint8; from behind, without the wall that it hangs on."""
@@ -98,14 +108,7 @@ class ObjectView:
 def render_object(
     obj: ArticulatedObject,
     joint_fractions: Fractions = CLOSED,
-    width: int = 640,
-    height: int = 480,
-    azimuth_deg: float = AZIMUTH_DEG,
-    elevation_deg: float = ELEVATION_DEG,
-    *,
-    distance_m: float | None = None,
-    target_w: Sequence[float] | np.ndarray | None = None,
-    fov_deg: float = FOV_DEG,
+    view: OrbitView = _DEFAULT_VIEW,
     config: RenderConfig | None = None,
 ) -> np.ndarray:
     """A picture of an object on the ground, with soft shadows.
@@ -117,13 +120,7 @@ def render_object(
         obj: the object.
         joint_fractions: where each joint is between its lower limit, 0, and its upper, 1: one number for all, or
             one per joint in the order of `obj.jointed_links`. A joint that turns without end turns once.
-        width: pixels.
-        height: pixels.
-        azimuth_deg: where the camera stands, counter-clockwise from +x seen from above; cabinets face 180.
-        elevation_deg: where it stands above the horizon.
-        distance_m: of the camera from the target.
-        target_w: (3,) the middle of the picture; by default that of the object.
-        fov_deg: vertical field of view.
+        view: where the camera looks from.
         config: how to draw; by default as pictures for people.
 
     Returns:
@@ -133,8 +130,5 @@ def render_object(
         ConfigError: a value out of range, or another number of fractions than joints.
         AssetError: a surface that cannot be drawn.
     """
-    view = ObjectView(obj, config)
-    direction = azimuth_deg, elevation_deg, fov_deg
-    states = CLOSED, joint_fractions
-    camera = view.camera(states, width, height, *direction, distance_m=distance_m, target_w=target_w)
-    return view.draw(joint_fractions, camera)
+    drawn = ObjectView(obj, config)
+    return drawn.draw(joint_fractions, drawn.camera((CLOSED, joint_fractions), view))
