@@ -231,31 +231,42 @@ def paint_rows(
     Returns:
         How many entries of `textured` are in use.
     """
-    state, planes, floor = buffers.face_state, buffers.face_planes, buffers.floor
-    runs, row_runs, width = buffers.runs, buffers.row_runs, buffers.triangle.shape[1]
-    ids, line = buffers.triangle.reshape(-1), buffers.line
+    floor, line, width = buffers.floor, buffers.line, buffers.triangle.shape[1]
     line_start, line_end, left = -1, -1, 0
-    centre_x, centre_y, per_px = image_axes(lens)
+    axes = image_axes(lens)
     for row in range(first, first + rows):
         if floor[row, 0] != line_start or floor[row, 1] != line_end:
             line_start, line_end = floor[row, 0], floor[row, 1]
             write_backdrop_line(line_start, line_end, plain, line)
-        y = (centre_y - np.float32(row)) * per_px
         at = (row - first) * width  # of the row's first pixel in `rgb`
         copy(line.reshape(-1)[: 3 * width], rgb.reshape(-1)[3 * at :])
-        end = row_runs[row + 1]
-        for i in range(row_runs[row], end):
-            column = runs[i, 0] - row * width
-            t = ids[runs[i, 0]]
-            if state[t] >= TEXTURED:
-                textured[left] = i
-                left += 1
-            else:
-                curved = np.float32(0.0 if state[t] == CONSTANT else 1.0)
-                shade_simd(rgb, depth, at + column, column, (centre_x, per_px, y, curved), factors(planes, t))
-            column += runs[i, 1]
-            if column < (runs[i + 1, 0] - row * width if i + 1 < end else width):
-                copy_simd(rgb, at + column, line, column)
+        left = paint_row(row, at, axes, buffers, left, textured, depth, rgb)
+    return left
+
+
+@inlined_kernel
+def paint_row(
+    row: int, at: int, axes: Factors, buffers: ViewBuffers, left: int, textured: Array, depth: Array, rgb: Array
+) -> int:
+    """Colour the runs of a row whose first pixel is number `at`; return `left`, grown; see `paint_rows`."""
+    state, planes, line = buffers.face_state, buffers.face_planes, buffers.line
+    runs, row_runs, width = buffers.runs, buffers.row_runs, buffers.triangle.shape[1]
+    ids = buffers.triangle.reshape(-1)
+    centre_x, centre_y, per_px = axes
+    y = (centre_y - np.float32(row)) * per_px
+    end = row_runs[row + 1]
+    for i in range(row_runs[row], end):
+        column = runs[i, 0] - row * width
+        t = ids[runs[i, 0]]
+        if state[t] >= TEXTURED:
+            textured[left] = i
+            left += 1
+        else:
+            curved = np.float32(0.0 if state[t] == CONSTANT else 1.0)
+            shade_simd(rgb, depth, at + column, column, (centre_x, per_px, y, curved), factors(planes, t))
+        column += runs[i, 1]
+        if column < (runs[i + 1, 0] - row * width if i + 1 < end else width):
+            copy_simd(rgb, at + column, line, column)
     return left
 
 
