@@ -175,7 +175,8 @@ def _bounding_volumes(obj: ArticulatedObject, part: ObjectPart, spec: Any) -> in
 
     How many triangles a hull has only the engine knows: its Qhull merges faces that nearly lie in one plane.
     """
-    volumes = sum(2 * len(link.collisions) - 1 for link in obj.links if link.collisions)
+    solid = [link for link in obj.links if link.collisions]
+    volumes = 2 * sum(len(link.collisions) for link in solid) - len(solid)
     if all(shape.kind != "hull" for link in obj.links for shape in link.collisions):
         return volumes
     model = spec.compile()
