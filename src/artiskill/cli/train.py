@@ -4,6 +4,8 @@ import argparse
 import os
 import shlex
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -62,7 +64,8 @@ def _run_train(arguments: argparse.Namespace) -> None:
 
     config = load_train_config(arguments.algorithm, arguments.task, arguments.network, _overrides(arguments))
     data = TrainData(arguments.data, arguments.points, arguments.frame, workers_of(arguments))
-    screen = _Screen(config, arguments)
+    screen = _Screen(config)
+    develop = _development(config, data.workers) if screen.is_first else None
     try:
         with screen:
             trainer = train(
@@ -71,7 +74,7 @@ def _run_train(arguments: argparse.Namespace) -> None:
                 arguments.out,
                 arguments.device,
                 arguments.threads,
-                screen.make_develop,
+                develop,
                 screen.show_lines,
                 screen.show_set,
                 screen.begin,
@@ -106,11 +109,25 @@ def _development_objects(given: list[str] | None) -> list[str] | None:
     return []
 
 
+def _development(config: "TrainConfig", workers: int) -> "Callable[[RunInfo], Develop] | None":
+    """Return what makes the measurement of success of a run's info, where there are objects, and the engine."""
+    if not config.development.objects:
+        return None
+    from artiskill.learning.train_config import check_development
+
+    try:
+        from artiskill.evaluation.development import make_develop
+    except ImportError as error:
+        print(f"note: {error.name} is not installed, so success cannot be measured here", file=sys.stderr)
+        return None
+    return partial(make_develop, config, check_development(config), workers)
+
+
 class _Screen:
     """What a person sees of a run: first lines, progress of a training set, progress of training."""
 
-    def __init__(self, config: "TrainConfig", arguments: argparse.Namespace) -> None:
-        self._config, self._arguments = config, arguments
+    def __init__(self, config: "TrainConfig") -> None:
+        self._config = config
         self._bar: ProgressBar | None = None
         self._bar_of = ""
         self.is_first = os.environ.get("RANK", "0") == "0"
@@ -120,20 +137,6 @@ class _Screen:
 
     def __exit__(self, *error: Any) -> None:
         self._close()
-
-    def make_develop(self, info: "RunInfo") -> "Develop | None":
-        """Return what measures success, where the engine is installed."""
-        if not self._config.development.objects:
-            return None
-        try:
-            from artiskill.evaluation.development import make_develop
-        except ImportError as error:
-            print(
-                f"note: {error.name} is not installed, so success cannot be measured here",
-                file=sys.stderr,
-            )
-            return None
-        return make_develop(self._config, info, workers_of(self._arguments))
 
     def show_lines(self, lines: list[str]) -> None:
         """Print what will be trained."""

@@ -1,30 +1,26 @@
 """Success on development objects, measured while a policy trains."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from artiskill.evaluation.evaluate import evaluate
 from artiskill.evaluation.report import EpisodeResult
 from artiskill.learning.run import RunInfo
 from artiskill.learning.stopping import StopSignal
-from artiskill.learning.train_config import TrainConfig, check_development
+from artiskill.learning.train_config import TrainConfig
 from artiskill.learning.trainer import Develop
 
 
-def make_develop(config: TrainConfig, info: RunInfo, workers: int = 1) -> Develop | None:
-    """Return what measures a checkpoint's success on a run's development objects; None if it has none.
+def make_develop(config: TrainConfig, objects: Sequence[str], workers: int, info: RunInfo) -> Develop:
+    """Return what measures a checkpoint's success on development objects.
 
     Args:
         config: of the run.
-        info: of the run.
+        objects: see `check_development`.
         workers: processes.
-
-    Raises:
-        UnknownNameError, AssetError: an object that does not exist, or that cannot be used.
-        ConfigError: an object of a split that is measured.
+        info: of the run.
     """
-    objects, wanted = check_development(config), config.development
-    if not objects:
-        return None
+    wanted = config.development
 
     def develop(weights: Path, stop: StopSignal) -> list[tuple[str, int, int]]:
         def on_episode(result: EpisodeResult) -> None:
@@ -33,7 +29,7 @@ def make_develop(config: TrainConfig, info: RunInfo, workers: int = 1) -> Develo
         report = evaluate(
             config.task,
             str(weights),
-            objects,
+            list(objects),
             wanted.episodes,
             wanted.first_level,
             config=info.overrides,

@@ -184,7 +184,10 @@ class Table:
     def __init__(self, path: Path, until: int) -> None:
         self._path = path
         try:
-            with io.StringIO(read_text(path), newline="") as file:
+            text = read_text(path)
+            with io.StringIO(
+                text[: text.rfind("\n") + 1], newline=""
+            ) as file:  # a killed run may leave half a row
                 found = list(csv.DictReader(file))
             self.rows: list[dict[str, Any]] = [row for row in found if int(row["step"]) <= until]
         except FileNotFoundError:

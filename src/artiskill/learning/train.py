@@ -46,7 +46,7 @@ def train(
     folder: Path | str,
     device: str = "auto",
     threads: int | None = None,
-    make_develop: Callable[[RunInfo], Develop | None] | None = None,
+    make_develop: Callable[[RunInfo], Develop] | None = None,
     on_lines: Callable[[list[str]], None] = lambda lines: None,
     on_set: OnSet | None = None,
     on_start: Callable[[int], None] = lambda step: None,

@@ -1,0 +1,117 @@
+# ruff: noqa: E402
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from tests.learning.tiny_set import TASK, tiny_config
+
+from artiskill.config import dump_yaml
+from artiskill.errors import ConfigError, RunError, UnknownNameError
+from artiskill.learning.train_config import check_development, load_train_config, read_train_config
+
+
+@pytest.mark.parametrize(
+    ("name", "batch_size", "rates"),
+    [
+        ("bc", 128, {"learning_rate": 3e-4}),
+        ("bcq", 64, {"critic_learning_rate": 5e-4}),
+        ("td3bc", 64, {"policy_learning_rate": 5e-4}),
+    ],
+)
+def test_values_are_those_of_the_paper_but_for_the_length(
+    name: str, batch_size: int, rates: dict[str, float]
+) -> None:
+    config = load_train_config(name, TASK)
+    assert (config.batch_size, config.steps, config.schedule) == (batch_size, 20_000, "constant")
+    assert config.algorithm | rates == config.algorithm
+    assert config.network.point_layers == (64, 128, 256)
+    assert load_train_config(name, TASK, "pointnet").network.point_layers == (256, 512)
+
+
+def test_a_saved_configuration_is_whole(tmp_path: Path) -> None:
+    config = load_train_config("td3bc", "PushChair", overrides={"algorithm.alpha": 0.5, "network.head": [32]})
+    assert config.development.objects == ("generated:chair:1000000..1000011",)
+    (tmp_path / "config.yaml").write_text(dump_yaml(config))
+    assert read_train_config(tmp_path) == config
+    assert (config.algorithm["alpha"], config.network.head) == (0.5, (32,))
+
+
+@pytest.mark.parametrize(
+    ("values", "says"),
+    [
+        ({"stepz": 5}, "unknown key 'stepz'; did you mean 'steps'?"),
+        ({"algorithm.learning_rat": 1}, "did you mean 'learning_rate'?"),
+        ({"network.hed": [1]}, "did you mean 'head'?"),
+        ({"steps": 0}, "bc: steps must lie in [1, 1000000000], not 0"),
+        ({"precision": "float16"}, "precision"),
+        ({"algorithm.learning_rate": -1.0}, "learning_rate must be positive"),
+        ({"development.every": 0}, "development.every must be positive"),
+    ],
+)
+def test_illegal_values(values: dict[str, Any], says: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_train_config("bc", TASK, overrides=values)
+    assert says in str(caught.value)
+
+
+def test_unknown_names() -> None:
+    with pytest.raises(UnknownNameError, match="unknown algorithm 'bqc'; did you mean 'bc'"):
+        load_train_config("bqc", TASK)
+    with pytest.raises(UnknownNameError, match="unknown task"):
+        load_train_config("bc", "OpenDrawer")
+    with pytest.raises(UnknownNameError, match="unknown network 'pointnett'"):
+        load_train_config("bc", TASK, "pointnett")
+
+
+@pytest.mark.parametrize("given", ["test", "ood", "all"])
+def test_splits_that_are_measured_choose_no_checkpoint(given: str) -> None:
+    with pytest.raises(ConfigError, match=f"none may be of test and ood.*'{given}' is such a split"):
+        tiny_config(development__objects=["generated:cabinet:3", given])
+
+
+def test_objects_that_are_measured_choose_no_checkpoint(tmp_path: Path) -> None:
+    split = tmp_path / "mine.yaml"
+    split.write_text("objects: [cabinet-0002, cabinet-0005]\n")
+    for given in ("cabinet-0005", str(split)):
+        with pytest.raises(ConfigError, match="'cabinet-0005' is of 'test'"):
+            check_development(tiny_config(development__objects=[given]))
+    assert check_development(tiny_config(development__objects=["cabinet-0002"])) == ["cabinet-0002"]
+
+
+def test_development_objects_by_default_fit_the_task() -> None:
+    for task, least in (("OpenCabinetDrawer", 8), ("OpenCabinetDoor", 8)):
+        assert len(check_development(load_train_config("bc", task))) >= least
+
+
+def test_what_may_change_when_a_run_goes_on(tmp_path: Path) -> None:
+    config = tiny_config()
+    config.check_continues(tiny_config(steps=30), tmp_path)
+    with pytest.raises(
+        RunError, match=r"of other values \(seed 0 there, 1 here; algorithm.learning_rate 0.0003 there"
+    ):
+        config.check_continues(tiny_config(seed=1, algorithm__learning_rate=1.0), tmp_path)
+    with pytest.raises(RunError, match="steps 20 there, 10 here"):
+        config.check_continues(tiny_config(steps=10), tmp_path)
+    with pytest.raises(RunError, match="steps 20 there, 30 here"):  # all its learning rates would be other ones
+        tiny_config(schedule="cosine").check_continues(tiny_config(schedule="cosine", steps=30), tmp_path)
+
+
+def test_damaged_configurations(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match="cannot read config file"):
+        read_train_config(tmp_path)
+    (tmp_path / "config.yaml").write_text("steps: 3\n")
+    with pytest.raises(RunError, match="is missing"):
+        read_train_config(tmp_path)
+
+
+def test_importing_it_imports_no_torch() -> None:
+    code = (
+        "import sys, artiskill.learning.train_config, artiskill.evaluation.policies; print('torch' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
+    assert done.stdout.strip() == "False"
