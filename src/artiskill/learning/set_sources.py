@@ -68,7 +68,10 @@ class SetSource:
     def check_same(self, folder: Path) -> None:
         """Raise `DemoError` unless the set in a folder was made from the same."""
         there = plain(read_set_manifest(folder))
-        found = differing({name: there[name] for name in self.identity}, self.identity)
+        here = self.identity
+        if self.is_demos:  # replayed with other versions, they would still be these demonstrations
+            there["settings"]["versions"] = here["settings"]["versions"]
+        found = differing({name: there[name] for name in here}, here)
         if found:
             raise DemoError(
                 f"{str(folder)!r} is a training set made from something else ({'; '.join(found[:_MOST_NAMED])}); "

@@ -172,11 +172,6 @@ class TrainingSet:
         self._handle = _open_for_random_reads(self.folder / FRAMES)
         self._close = weakref.finalize(self, os.close, self._handle)
 
-    @property
-    def digest(self) -> str:
-        """Hash of the manifest, which has those of the files: 16 hexadecimal digits."""
-        return json.loads(manifest_text(self.manifest))["checksum"]
-
     def __len__(self) -> int:
         """Return the number of steps."""
         return self.manifest.steps
