@@ -137,7 +137,7 @@ class _Builder:
         self._training = TrainingFiles(files)
         self._thinner = Thinner(self._training.settings.sampling, origin.options.num_points)
         self._sizes: Sizes | None = None
-        self._frames = 0
+        self._frames = self._count = 0  # frames and steps that are written
         self._steps: list[np.ndarray] = []
         self._trajectories: list[tuple[str, str, int, int, int]] = []  # object, target, level, first step, steps
         self._points, self._agent = Moments(), Moments()
@@ -177,14 +177,14 @@ class _Builder:
             rows["terminated"] = group["success"][()] & group["dones"][()]
             check_finite({"actions": rows["action"], "rewards": rows["reward"]})
             about = str(group.attrs["target"]), int(group.attrs["level"])
-            first = sum(len(one) for one in self._steps)
             for records in self._records(group, about[1]):
                 out.write(records.tobytes())
                 self._frames += len(records)
                 self._points.add(records["points"][records["codes"] >= 128])
                 self._agent.add(records["agent"])
-        self._trajectories.append((file.object, *about, first, steps))
+        self._trajectories.append((file.object, *about, self._count, steps))
         self._steps.append(rows)
+        self._count += steps
 
     def _check_forms(self, group: Any) -> None:
         steps, action = group["actions"].shape
@@ -221,12 +221,8 @@ class _Builder:
         for start in range(0, len(group["obs/agent"]), size):
             chunk = {name: one[start : start + size] for name, one in data.items()}
             agent = group["obs/agent"][start : start + size]
-            clouds = [
-                self._thinner.thin({name: one[row] for name, one in chunk.items()}, level, start + row)
-                for row in range(len(agent))
-            ]
-            xyz, rgb, seg = (np.stack([cloud[name] for cloud in clouds]) for name in _CLOUD)
-            yield layout.encode(xyz, rgb, seg, agent)
+            thinned = self._thinner.thin(chunk, level, start)
+            yield layout.encode(thinned["xyz"], thinned["rgb"], thinned["seg"], agent)
 
     def _finish(self) -> None:
         """Write the other files, and move all to their places."""

@@ -57,28 +57,36 @@ class Thinner:
         self._sampler = _sampler_of(self.sampling)
         self._had = None if source is None else _sampler_of(source)
 
-    def thin(self, cloud: Mapping[str, np.ndarray], level: int, step: int) -> dict[str, np.ndarray]:
-        """Return fewer points of a cloud.
+    def thin(self, clouds: Mapping[str, np.ndarray], level: int, first_step: int) -> dict[str, np.ndarray]:
+        """Return fewer points of the clouds of consecutive steps.
 
         Args:
-            cloud: `xyz` (P, 3), `rgb` (P, 3) and `seg` (P, K).
+            clouds: `xyz` (F, P, 3), `rgb` (F, P, 3) and `seg` (F, P, K).
             level: of the episode.
-            step: of the episode, from 0.
+            first_step: of the episode, from 0; that of the first cloud.
 
         Returns:
-            The same with `num_points` rows; rows of zeros at the end where there are too few.
+            The same with `num_points` rows each; rows of zeros at the end where there are too few.
         """
-        if self._had is None:  # bit for bit what the environment gives
-            rng = level_generator(level, RngStream.POINTS, step)
-            return downsample(cloud["xyz"], cloud["rgb"], cloud["seg"], self._sampler, rng)
-        if self._had.num_points == self.sampling.num_points:
-            return dict(cloud)
-        chosen = self._choose(_codes(cloud), level, step)
-        thinned = {}
-        for name, values in cloud.items():
-            thinned[name] = np.zeros((self.sampling.num_points, values.shape[1]), dtype=values.dtype)
-            thinned[name][: len(chosen)] = values[chosen]
-        return thinned
+        if self._had is not None and self._had.num_points == self.sampling.num_points:
+            return dict(clouds)
+        frames = len(clouds["xyz"])
+        made = {
+            name: np.zeros((frames, self.sampling.num_points, values.shape[2]), dtype=values.dtype)
+            for name, values in clouds.items()
+        }
+        codes = None if self._had is None else _codes(clouds)
+        for row in range(frames):
+            if codes is None:  # bit for bit what the environment gives
+                rng = level_generator(level, RngStream.POINTS, first_step + row)
+                xyz, rgb, seg = (clouds[name][row] for name in ("xyz", "rgb", "seg"))
+                for name, values in downsample(xyz, rgb, seg, self._sampler, rng).items():
+                    made[name][row] = values
+            else:
+                chosen = self._choose(codes[row], level, first_step + row)
+                for name, values in clouds.items():
+                    made[name][row, : len(chosen)] = values[row, chosen]
+        return made
 
     def _choose(self, codes: np.ndarray, level: int, step: int) -> np.ndarray:
         had, wanted = self._had, self._sampler
@@ -112,10 +120,10 @@ def choose_first_drawn(codes: np.ndarray, had: ManiskillSampler, wanted: Maniski
     return np.concatenate([kept, others, unmasked])
 
 
-def _codes(cloud: Mapping[str, np.ndarray]) -> np.ndarray:
-    bits = np.left_shift(np.uint8(1), np.arange(cloud["seg"].shape[1], dtype=np.uint8))
-    codes = (cloud["seg"] * bits).sum(axis=1, dtype=np.uint8)
-    return np.where(cloud["xyz"].any(axis=1), codes | REAL, np.uint8(0))
+def _codes(clouds: Mapping[str, np.ndarray]) -> np.ndarray:
+    bits = np.left_shift(np.uint8(1), np.arange(clouds["seg"].shape[-1], dtype=np.uint8))
+    codes = (clouds["seg"] * bits).sum(axis=-1, dtype=np.uint8)
+    return np.where(clouds["xyz"].any(axis=-1), codes | REAL, np.uint8(0))
 
 
 def _sampler_of(sampling: Sampling) -> Sampler:
