@@ -70,6 +70,13 @@ def test_torch_and_numpy_decode_alike(training_set: TrainingSet) -> None:
         assert torch.equal(one, torch.from_numpy(wanted))
 
 
+def test_another_device_gets_the_same_kinds_of_tensors(training_set: TrainingSet) -> None:
+    """`meta` has shapes and types, and no values."""
+    (there,), (here,) = (take(1, training_set, 8, 0, True, device=device) for device in ("meta", "cpu"))
+    for one, other in zip(tensors(there), tensors(here), strict=True):
+        assert (one.shape, one.dtype, one.device.type) == (other.shape, other.dtype, "meta")
+
+
 def test_the_seed_and_the_number_decide(training_set: TrainingSet) -> None:
     batches = take(6, training_set, 8, seed=1)
     for again, resumed in zip(batches[4:], take(2, training_set, 8, seed=1, start_step=4), strict=True):

@@ -148,9 +148,15 @@ class BatchLoader:
         step = {name: torch.from_numpy(np.ascontiguousarray(v, np.float32)) for name, v in values.items()}
         if self._device.type != "cpu":
             as_bytes = torch.from_numpy(records.view(np.uint8).reshape(*records.shape, -1))
-            return _Records(as_bytes.pin_memory(), {name: one.pin_memory() for name, one in step.items()})
+            return self._ready(_Records(as_bytes, step))
         seen = [self._set.layout.decode(records[:, k]) for k in range(records.shape[1])]
         return _batch([Observation(*map(torch.from_numpy, arrays)) for arrays in seen], step)
+
+    def _ready(self, found: _Records) -> _Records:
+        """Return it where a GPU can fetch it while others work."""
+        if self._device.type != "cuda":
+            return found
+        return _Records(found.records.pin_memory(), {name: one.pin_memory() for name, one in found.step.items()})
 
     def _decode(self, found: _Records) -> Batch:
         records = found.records.to(self._device, non_blocking=True)
