@@ -15,7 +15,6 @@ from artiskill.errors import ArtiSkillError, ConfigError, DemoError
 from artiskill.files import lock_folder
 from artiskill.learning.building import Moments, build_training_set, choose_trajectories
 from artiskill.learning.set_sources import SetOptions
-from artiskill.learning.training_set import TrainingSet
 
 from .training_files import FILES, Episode, change_file, settings, write_files
 
@@ -136,8 +135,7 @@ def test_an_interrupted_build_leaves_no_set_and_starts_again(files: Path, tmp_pa
 
     with pytest.raises(KeyboardInterrupt):
         build_training_set(files, tmp_path / "set", FOUR, on_progress=stop)
-    with pytest.raises(DemoError, match="is no training set: it has no manifest"):
-        TrainingSet(tmp_path / "set")
+    assert not (tmp_path / "set").exists()
     assert contents(build_training_set(files, tmp_path / "set", FOUR).folder) == whole
 
 
@@ -153,7 +151,16 @@ def test_a_full_disk_is_one_line(files: Path, tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr("artiskill.learning.building.os.fsync", full)
     with pytest.raises(DemoError, match=r"cannot write to .*: No space left on device"):
         build_training_set(files, tmp_path / "set", FOUR)
-    assert not (tmp_path / "set" / "manifest.json").exists()
+    assert not (tmp_path / "set").exists()  # what was written takes no place
+
+
+def test_what_a_kill_left_is_in_nobodys_way(files: Path, tmp_path: Path) -> None:
+    whole = contents(build_training_set(files, tmp_path / "whole", FOUR).folder)
+    left = tmp_path / "set"
+    (left / ".unfinished").mkdir(parents=True)
+    for path in (left / "frames.bin", left / ".unfinished" / "frames.bin", left / ".artiskill.lock"):
+        path.write_bytes(b"left")
+    assert contents(build_training_set(files, left, FOUR).folder) == whole
 
 
 def test_a_changed_source_is_noticed(files: Path, tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """What a folder offers for a training set, and what it does not."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import pytest
 from artiskill.demos.demos import PACK, load_demo_pack
 from artiskill.demos.training_file import Sampling
 from artiskill.errors import ArtiSkillError, ConfigError, DemoError
+from artiskill.learning.building import build_training_set
 from artiskill.learning.set_sources import SetOptions, find_source
 
 from .training_files import settings, write_files
@@ -81,3 +83,15 @@ def test_illegal_options(options: dict[str, int]) -> None:
 def test_unknown_names(options: dict[str, str]) -> None:
     with pytest.raises(ArtiSkillError, match="unknown"):
         find_source(CHAIRS, SetOptions(**options))  # type: ignore[arg-type]
+
+
+def test_other_versions_of_libraries_replay_the_same_demonstrations(tmp_path: Path) -> None:
+    """A run that made its set from demonstrations goes on after an upgrade."""
+    files = write_files(tmp_path / "files")
+    made = build_training_set(files, tmp_path / "set", SetOptions(num_points=4)).manifest
+    given = find_source(files, SetOptions(num_points=4))
+    upgraded = replace(given, is_demos=True, settings=replace(given.settings, versions={"numpy": "9"}))
+    upgraded.check_same(tmp_path / "set")
+    with pytest.raises(DemoError, match="made from something else"):
+        replace(upgraded, is_demos=False).check_same(tmp_path / "set")
+    assert made.settings["versions"] == {}

@@ -8,6 +8,7 @@ them starts anew; what was replayed of demonstrations is kept.
 import os
 import shutil
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -145,10 +146,19 @@ class _Builder:
     def build(self, on_progress: OnProgress | None) -> None:
         """Write all files."""
         self._work.mkdir(parents=True, exist_ok=True)
-        entries = {
-            name: entry for name, entry in self._training.manifest.files.items() if name in self._origin.sources
-        }
-        count = self._origin.options.count
+        try:
+            self._write_frames(on_progress)
+            self._finish()
+        except BaseException:
+            for name in (FRAMES, STEPS, TRAJECTORIES):  # it starts again anyway, and the disk may be full
+                (self._work / name).unlink(missing_ok=True)
+            with suppress(OSError):  # not empty: of demonstrations the replayed ones stay
+                self._work.rmdir()
+            raise
+
+    def _write_frames(self, on_progress: OnProgress | None) -> None:
+        names, count = self._origin.sources, self._origin.options.count
+        entries = {name: entry for name, entry in self._training.manifest.files.items() if name in names}
         total = sum(min(entry.trajectories, count or entry.trajectories) for entry in entries.values())
         done = 0
         with (self._work / FRAMES).open("wb") as out:
@@ -161,7 +171,6 @@ class _Builder:
                         if on_progress is not None:
                             on_progress("writing", done, total)
             _sync(out)
-        self._finish()
 
     def _add(self, file: TrainingFile, number: int, out: BinaryIO) -> None:
         group = file.groups[number]
