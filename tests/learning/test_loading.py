@@ -63,6 +63,11 @@ def test_a_batch_holds_the_steps_that_were_drawn(training_set: TrainingSet) -> N
     assert kinds == {torch.float32, torch.bool}
 
 
+def test_a_batch_of_one(training_set: TrainingSet) -> None:
+    (batch,) = take(1, training_set, 1, seed=3, needs_next=True)
+    assert {len(one) for one in tensors(batch)} == {1}
+
+
 def test_torch_and_numpy_decode_alike(training_set: TrainingSet) -> None:
     records = training_set.read(np.arange(15))[:, 0]
     found = decode(torch.from_numpy(records.view(np.uint8).reshape(15, -1)), training_set.layout)

@@ -145,7 +145,7 @@ class BatchLoader:
         records = self._set.read(steps["frame"], int(self._needs_next))
         values = {name: steps[name] for name in ("action", "reward", "terminated")}
         values["weight"] = ~steps["disturbed"]
-        step = {name: torch.from_numpy(np.ascontiguousarray(v, np.float32)) for name, v in values.items()}
+        step = {name: torch.from_numpy(np.array(v, np.float32)) for name, v in values.items()}
         if self._device.type != "cpu":
             as_bytes = torch.from_numpy(records.view(np.uint8).reshape(*records.shape, -1))
             return self._ready(_Records(as_bytes, step))

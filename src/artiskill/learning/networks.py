@@ -5,7 +5,8 @@ further numbers (an action, a latent) into outputs. Nothing squashes the outputs
 Dropout, in training mode, draws from torch's global generator: who trains seeds it in every step.
 """
 
-from itertools import pairwise
+from collections.abc import Iterator
+from itertools import pairwise, repeat
 from typing import NamedTuple
 
 import torch
@@ -17,7 +18,7 @@ from artiskill.learning.features import Features, Scale, feature_sizes, make_fea
 from artiskill.learning.network_config import NetworkConfig, TransformerConfig
 
 _WORTH_GATHERING = 0.8  # share of points below which the layers are spared the others
-_POINTS_AT_ONCE = 2048  # in a search for maxima: their widest features are 2 to 4 MB
+_POINTS_AT_ONCE = 2048  # without gradients: their widest features are 2 to 4 MB
 _TOKEN_STD = 0.02
 
 
@@ -141,28 +142,27 @@ class PointEncoder(nn.Module):
 
     def _maxima(self, points: Tensor, state: Tensor | None, group: Tensor) -> Tensor:
         """Return the largest feature (B, F) of each channel."""
+        parts = self._in_parts(points, state, group)
         if not torch.is_grad_enabled():
-            return self._search(points, state, group)[0]
-        points, group = _gather(points, group, self._search(points, state, group)[1])
+            return torch.cat([each.amax(1) for each in parts])
+        wins = torch.cat([_find_winners(each) for each in parts])
+        points, group = _gather(points, group, wins.to(points.dtype))
         each = self._each(points, state)
         return (each if group.all() else each * group[..., None]).max(1).values
 
     @torch.no_grad()
-    def _search(self, points: Tensor, state: Tensor | None, group: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the maxima (B, F), and (B, N), 1 for points that have one above 0.
-
-        It takes a few clouds at a time: what it computes of them stays in the cache.
-        """
+    def _in_parts(self, points: Tensor, state: Tensor | None, group: Tensor) -> Iterator[Tensor]:
+        """Give the features of a few clouds at a time, zeros outside of the group: they stay in the cache."""
         size = max(1, _POINTS_AT_ONCE // points.shape[1])
-        states = [None] * len(points) if state is None else state.split(size)
-        found = []
+        states = repeat(None) if state is None else state.split(size)
         for some, its_state, inside in zip(points.split(size), states, group.split(size), strict=False):
-            each = self._each(some, its_state).mul_(inside[..., None])
-            best = each.amax(1, keepdim=True)
-            behind = each.sub_(torch.where(best > 0, best, torch.inf))  # 0 where a point has the maximum
-            found.append((best[:, 0], behind.amax(2) == 0))
-        maxima, wins = zip(*found, strict=True)
-        return torch.cat(maxima), torch.cat(wins).to(points.dtype)
+            yield self._each(some, its_state).mul_(inside[..., None])
+
+
+def _find_winners(each: Tensor) -> Tensor:
+    """Return (B, N), whether a point has the maximum, above 0, of some channel of (B, N, F); overwrites those."""
+    best = each.amax(1, keepdim=True)
+    return each.sub_(torch.where(best > 0, best, torch.inf)).amax(2) == 0
 
 
 def _gather(points: Tensor, group: Tensor, wanted: Tensor) -> tuple[Tensor, Tensor]:
