@@ -10,7 +10,7 @@ from artiskill.learning.batch import Observation, Sizes, Statistics
 from artiskill.learning.network_config import NetworkConfig, TransformerConfig, load_network_config
 from artiskill.learning.networks import make_network
 
-CABINET = Sizes(points=40, masks=3, agent=38, action=11)
+CABINET = Sizes(points=40, masks=3, agent=38, action=13)
 CHAIR = Sizes(points=40, masks=1, agent=68, action=22)
 NARROW = TransformerConfig(width=16, blocks=2, heads=2, head_width=4, feedforward=24, dropout=0.1)
 

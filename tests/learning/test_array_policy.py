@@ -2,6 +2,7 @@
 # ruff: noqa: E402
 
 import dataclasses
+import hashlib
 import json
 import subprocess
 import sys
@@ -17,6 +18,7 @@ from tests.learning.clouds import CABINET, CHAIR, narrow, plain_statistics
 
 from artiskill.config import CONFIG_DIR, from_mapping, load_yaml
 from artiskill.errors import ConfigError, PolicyError
+from artiskill.evaluation.evaluate import evaluate
 from artiskill.learning.array_policy import ArrayPolicy, Header, write_policy
 from artiskill.learning.batch import Observation, Sizes
 from artiskill.learning.bc import BC
@@ -157,10 +159,10 @@ OUTPUT_BIAS = "policy.mlp.output.bias"
         (lambda path: changed_header(path, masks=2), "do not fit its network"),
         (lambda path: changed(path, **{"policy.mlp.output.weight": None}), "do not fit its network"),
         (
-            lambda path: changed(path, **{OUTPUT_BIAS: np.full(11, np.nan, np.float32)}),
+            lambda path: changed(path, **{OUTPUT_BIAS: np.full(13, np.nan, np.float32)}),
             "finite numbers",
         ),
-        (lambda path: changed(path, **{OUTPUT_BIAS: np.zeros(11)}), "finite numbers"),
+        (lambda path: changed(path, **{OUTPUT_BIAS: np.zeros(13)}), "finite numbers"),
     ],
 )
 def test_what_is_no_policy_file_is_refused(policy_file: Path, change: Any, message: str) -> None:
@@ -181,3 +183,15 @@ def test_a_flipped_bit_is_noticed(policy_file: Path) -> None:
 def test_the_name_of_a_policy_file(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"must end in \.npz"):
         export(tmp_path / "policy.zip", "bc", narrow("small"))
+
+
+def test_evaluation_takes_a_policy_file(tmp_path: Path) -> None:
+    path = tmp_path / "policy.npz"
+    export(path, "bc", narrow("small"))
+    report = evaluate(
+        "OpenCabinetDrawer", path, ["cabinet-0001"], episodes=1, config={"episode_steps": 2}
+    ).to_mapping()
+    assert (report["obs_mode"], report["control_mode"]) == ("pointcloud", "joint")
+    assert report["sampling"]["num_points"] == 40
+    assert report["policy_sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert report["objects"][0]["mean_length"] == 2

@@ -94,7 +94,7 @@ def test_candidates_are_read_out_like_single_ones(name: str) -> None:
     candidates = torch.randn(3, 4, 2, generator=torch.Generator().manual_seed(1))
     with torch.no_grad():
         together = network.head(network.encode(seen), candidates)
-        assert together.shape == (3, 4, 11)
+        assert together.shape == (3, 4, 13)
         for i in range(4):
             torch.testing.assert_close(together[:, i], network(seen, candidates[:, i]), atol=1e-5, rtol=1e-5)
 
@@ -104,7 +104,7 @@ def layer(inputs: int, outputs: int) -> int:
 
 
 def count_parameters(name: str) -> int:
-    network = make_network(load_network_config(name), CABINET, plain_statistics(38), 11)
+    network = make_network(load_network_config(name), CABINET, plain_statistics(38), 13)
     return sum(parameter.numel() for parameter in network.parameters())
 
 
@@ -117,16 +117,61 @@ def test_parameter_counts() -> None:
         + 2 * 512
         + layer(512, 512)
         + layer(512, 256)
-        + layer(256, 11)
+        + layer(256, 13)
     )
     each = layer(3 + 3 + state, 256) + layer(256, 256) + 2 * 256 + 2 * layer(256, 256)
     attention = 3 * layer(256, 128) + layer(128, 256)
     block = attention + layer(256, 1024) + layer(1024, 256) + 4 * 256
-    head = layer(256, 256) + layer(256, 128) + layer(128, 11)
+    head = layer(256, 256) + layer(256, 128) + layer(128, 13)
     assert counts["pointnet_transformer"] == (
         5 * each + layer(state, 256) + layer(256, 256) + 6 * block + attention + 2 * 256 + head
     )
     extents, places = 4 * 3 * 3, 3 + 2 + 2
     inputs = 256 + state + places + 2 * extents
     points = layer(3 * 3 + 3 + 3, 64) + layer(64, 128) + layer(128, 256) + 2 * 256
-    assert counts["small"] == points + layer(inputs, 512) + 2 * 512 + layer(512, 256) + 2 * 256 + layer(256, 11)
+    assert counts["small"] == points + layer(inputs, 512) + 2 * 512 + layer(512, 256) + 2 * 256 + layer(256, 13)
+
+
+def fill(parameter: torch.Tensor, values: list[float] | list[list[float]]) -> None:
+    with torch.no_grad():
+        parameter.copy_(torch.tensor(values))
+
+
+@pytest.mark.parametrize(("pooling", "second_channel"), [("max", 2.5), ("max_mean", 1.25)])
+def test_a_network_by_hand(pooling: str, second_channel: float) -> None:
+    """Two points, centred at x = -1 and x = 1, and padding; features max(x, 0) and max(0.5 - 2 x, 0)."""
+    plain = {"frames": ["cloud"], "near_m": 0, "colors": False, "masks": False, "extents": False}
+    changes = {f"input.{key}": value for key, value in plain.items()}
+    changes |= {"point_layers": [2], "head": [1], "pool_norm": False, "head_norm": False, "pooling": pooling}
+    sizes = Sizes(points=3, masks=1, agent=1, action=1)
+    network = make_network(load_network_config("small", changes), sizes, plain_statistics(1), outputs=1, extra=1)
+    fill(network.points.joint.first.weight, [[1.0, 0.0, 0.0], [-2.0, 0.0, 0.0]])
+    fill(network.points.joint.first.bias, [0.0, 0.5])
+    fill(network.mlp.joint.first.weight, [[1.0, 1.0, 2.0, 0.25, 0.0, 0.0]])  # of pooled channels, state, mean
+    fill(network.mlp.joint.first.bias, [-1.0])
+    fill(network.mlp.joint.second.weight, [[10.0]])
+    fill(network.mlp.output.weight, [[3.0]])
+    fill(network.mlp.output.bias, [0.5])
+    seen = Observation(
+        points=torch.tensor([[[1.0, 0, 0], [3.0, 0, 0], [9.0, 0, 0]]]),
+        colors=torch.zeros(1, 3, 3),
+        masks=torch.zeros(1, 3, 1),
+        valid=torch.tensor([[True, True, False]]),
+        agent=torch.tensor([[0.5]]),
+    )
+    hidden = 1 + second_channel + 2 * 0.5 + 0.25 * 2 - 1
+    for extra in (0.0, 0.2, -9.0):
+        expected = 3 * max(hidden + 10 * extra, 0) + 0.5
+        assert network(seen, torch.tensor([[extra]])).item() == pytest.approx(expected)
+
+
+def test_groups_without_points_have_no_token() -> None:
+    """What the encoder of an empty mask would say does not matter."""
+    network, seen = make("pointnet_transformer"), observe()
+    empty = seen._replace(masks=seen.masks * torch.tensor([0.0, 1.0, 1.0]))
+    with torch.no_grad():
+        before = network(empty), network(seen)
+        network.tokens[0].output.bias += 1.0
+        after = network(empty), network(seen)
+    assert torch.equal(before[0], after[0])
+    assert not torch.equal(before[1], after[1])

@@ -22,6 +22,7 @@ from artiskill.learning.features import make_features
 from artiskill.learning.network_config import FRAMES, NetworkConfig
 from artiskill.learning.observation import MOST_MASKS, ObservationArrays, ObservationLayout
 
+SUFFIX = ".npz"
 FORMAT, VERSION = "artiskill-policy", 1
 # algorithm -> the parts of its `state_dict` that acting needs
 PARTS: Mapping[str, tuple[str, ...]] = {
@@ -80,7 +81,7 @@ def write_policy(path: Path, header: Header, weights: Mapping[str, np.ndarray]) 
         ConfigError: no file can be written there, or its name ends otherwise.
     """
     path = output_path(path)
-    check(path.suffix == ".npz", f"the name of a policy file must end in .npz, not {shown(path.name)}")
+    check(path.suffix == SUFFIX, f"the name of a policy file must end in {SUFFIX}, not {shown(path.name)}")
     needed = {name: np.asarray(one) for name, one in weights.items() if name.startswith(PARTS[header.algorithm])}
     text = json.dumps({"format": FORMAT, "version": VERSION, **to_mapping(header)})
     try:

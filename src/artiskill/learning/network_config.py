@@ -77,9 +77,8 @@ class NetworkConfig:
             widths = getattr(self, name)
             is_legal = 1 <= len(widths) <= _MOST_LAYERS and all(1 <= width <= _WIDEST for width in widths)
             check_value(self, name, is_legal, f"needs 1 to {_MOST_LAYERS} widths in [1, {_WIDEST}]")
-        check_value(
-            self, "pooling", self.pooling == "max" or self.point_layers[-1] % 2 == 0, "halves an even width"
-        )
+        has_halves = self.point_layers[-1] % 2 == 0 or (self.pooling == "max" and self.compat == "none")
+        check_value(self, "pooling", has_halves, "needs an even last width of point_layers for its halves")
         wanted = self.kind == "pointnet_transformer"
         check((self.transformer is not None) == wanted, f"kind {self.kind}: transformer {_must(wanted)} be given")
 
