@@ -1,5 +1,7 @@
 """Training sets made from training files, and from demonstrations."""
 
+import subprocess
+import sys
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
@@ -8,17 +10,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from artiskill.demos.demos import PACK, load_demo_pack
+from artiskill.demos.demos import load_demo_pack
 from artiskill.demos.replay import replay
 from artiskill.demos.training_file import Sampling, TrainingFile
+from artiskill.envs.wrappers import PointCloudDownsample
 from artiskill.errors import ArtiSkillError, ConfigError, DemoError
 from artiskill.files import lock_folder
 from artiskill.learning.building import Moments, build_training_set, choose_trajectories
 from artiskill.learning.set_sources import SetOptions
+from artiskill.learning.training_set import TrainingSet
 
 from .training_files import FILES, Episode, change_file, settings, write_files
 
+Replayed = tuple[TrainingSet, list[tuple[str, int, int]]]
 FOUR = SetOptions(num_points=4)
+DRAWERS = load_demo_pack("OpenCabinetDrawer")
 
 
 @pytest.fixture
@@ -230,6 +236,25 @@ def test_a_count_takes_targets_in_turn(tmp_path: Path) -> None:
     assert chosen == {1: [1], 2: [1, 3], 3: [1, 2, 3], 9: [1, 2, 3, 4], None: [1, 2, 3, 4]}
 
 
+READ_ALL = """
+import sys
+import numpy as np
+from artiskill.learning.training_set import TrainingSet
+
+def most_kb():
+    lines = open("/proc/self/status").read().splitlines()
+    return int(next(line for line in lines if line.startswith("VmHWM")).split()[1])
+
+training_set = TrainingSet(sys.argv[1])
+frames = np.random.default_rng(0).permutation(training_set.manifest.frames)
+training_set.read(frames[:64])
+before = most_kb()
+for start in range(0, len(frames), 64):
+    training_set.layout.decode(training_set.read(frames[start : start + 64])[:, 0])
+print(most_kb() - before)
+"""
+
+
 def test_memory_does_not_grow_with_the_set(tmp_path: Path) -> None:
     episodes = [Episode("link_0", steps=99, level=level) for level in range(40)]
     made = settings(sampling=Sampling(1000, "uniform"))
@@ -242,27 +267,52 @@ def test_memory_does_not_grow_with_the_set(tmp_path: Path) -> None:
         tracemalloc.stop()
     assert (folder / "frames.bin").stat().st_size > 40_000_000
     assert peak < 20_000_000  # a trajectory takes 2 MB in the file
+    command = [sys.executable, "-c", READ_ALL, str(folder)]
+    grown = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout
+    assert int(grown) < 10_000  # kB; 64 frames take 3 MB
 
 
-def test_from_demonstrations(tmp_path: Path) -> None:
-    """The replay is part of it, and what it makes does not stay."""
-    demos = load_demo_pack("OpenCabinetDrawer")
-    options = SetOptions(num_points=64, objects=("cabinet-0002",), count=1, frame="robot")
+@pytest.fixture(scope="module")
+def replayed(tmp_path_factory: pytest.TempPathFactory) -> Replayed:
+    """A set of one demonstration, and what was told of its progress."""
     phases: list[tuple[str, int, int]] = []
-    made = build_training_set(
-        PACK / "OpenCabinetDrawer", tmp_path / "set", options, on_progress=lambda *args: phases.append(args)
-    )
+    options = SetOptions(num_points=64, objects=("cabinet-0002",), count=1, frame="robot")
+    folder = tmp_path_factory.mktemp("sets") / "set"
+    made = build_training_set(DRAWERS.folder, folder, options, on_progress=lambda *told: phases.append(told))
+    return made, phases
+
+
+def test_from_demonstrations(replayed: Replayed, tmp_path: Path) -> None:
+    """The replay is part of it, and what it makes does not stay."""
+    made, phases = replayed
     assert phases == [("replaying", 1, 1), ("writing", 1, 1)]
-    assert sorted(path.name for path in (tmp_path / "set").iterdir()) == [
-        *("frames.bin", "manifest.json", "steps.npy", "trajectories.npy")
-    ]
+    assert sorted(contents(made.folder)) == ["frames.bin", "manifest.json", "steps.npy", "trajectories.npy"]
     assert made.manifest.sampling["frame"] == "robot"
     wanted = settings(sampling=Sampling(64, frame="robot"), count=1, keep_failures=False, compression=1)
-    replay(demos.folder, tmp_path / "files", wanted, objects=["cabinet-0002"])
+    replay(DRAWERS.folder, tmp_path / "files", wanted, objects=["cabinet-0002"])
     other = build_training_set(tmp_path / "files", tmp_path / "other", SetOptions(num_points=64))
     for name in ("frames.bin", "steps.npy", "trajectories.npy"):
         assert made.manifest.files[name] == other.manifest.files[name]
-    assert made.manifest.overrides == demos.manifest.settings.overrides
+    assert made.manifest.overrides == DRAWERS.manifest.settings.overrides
+
+
+def test_who_acts_sees_what_was_learned_from(replayed: Replayed) -> None:
+    made, _ = replayed
+    with DRAWERS.open("cabinet-0002") as file:
+        obj = file.load_object()
+        env = file.header.settings.make_env([obj], obs_mode="pointcloud")
+    sampling = made.manifest.sampling
+    sampled = PointCloudDownsample(
+        env, sampling["method"], sampling["num_points"], sampling["frame"], **sampling["settings"]
+    )
+    first = made.trajectories[0]
+    target = made.manifest.targets[first["target"]]
+    observation, _ = sampled.reset(options={"level": int(first["level"]), "object": obj, "target": target})
+    for row in made.steps[:3]:
+        learned = made.layout.decode(made.read(np.array([row["frame"]]))[:, 0])
+        for seen, wanted in zip(made.layout.observe(observation), learned, strict=True):
+            np.testing.assert_array_equal(seen, wanted)
+        observation = sampled.step(row["action"])[0]
 
 
 def test_the_wrong_task_is_refused(files: Path, tmp_path: Path) -> None:
