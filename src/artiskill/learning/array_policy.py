@@ -69,6 +69,17 @@ class Header:
         check_inside("action", self.action, (1, _MOST_ACTION))
 
 
+def check_policy_path(path: Path) -> Path:
+    """Return the path of a policy file to be written.
+
+    Raises:
+        ConfigError: no file can be written there, or its name does not end in `.npz`.
+    """
+    path = output_path(path)
+    check(path.suffix == SUFFIX, f"the name of a policy file must end in {SUFFIX}, not {shown(path.name)}")
+    return path
+
+
 def write_policy(path: Path, header: Header, weights: Mapping[str, np.ndarray]) -> None:
     """Write a policy file, whole or not at all.
 
@@ -78,10 +89,10 @@ def write_policy(path: Path, header: Header, weights: Mapping[str, np.ndarray]) 
         weights: of the whole algorithm, as its `state_dict` names them; what acting needs is written.
 
     Raises:
-        ConfigError: no file can be written there, or its name ends otherwise.
+        ConfigError: as of `check_policy_path`.
+        PolicyError: the file cannot be written; an earlier one is as it was.
     """
-    path = output_path(path)
-    check(path.suffix == SUFFIX, f"the name of a policy file must end in {SUFFIX}, not {shown(path.name)}")
+    path = check_policy_path(path)
     needed = {name: np.asarray(one) for name, one in weights.items() if name.startswith(PARTS[header.algorithm])}
     text = json.dumps({"format": FORMAT, "version": VERSION, **to_mapping(header)})
     try:

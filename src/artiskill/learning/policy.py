@@ -1,4 +1,4 @@
-"""`RunPolicy`: a training run as a policy, by torch, on one thread of the CPU."""
+"""`RunPolicy`: a training run as a policy, by torch, on one thread of the CPU; its export to act without."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -10,6 +10,7 @@ import torch
 
 from artiskill.errors import ConfigError, RunError
 from artiskill.learning.algorithm import Algorithm
+from artiskill.learning.array_policy import Header, check_policy_path, write_policy
 from artiskill.learning.batch import Observation
 from artiskill.learning.checkpoints import load_weights, make_algorithm
 from artiskill.learning.observation import ObservationLayout
@@ -71,6 +72,33 @@ def load_trained(run: Path | str) -> tuple[RunInfo, TrainConfig, Algorithm]:
         raise RunError(f"{str(folder)!r} is damaged: {error}") from error
     load_weights(weights, algorithm)
     return info, config, algorithm.requires_grad_(False).eval()
+
+
+def export_policy(run: Path | str, path: Path) -> Header:
+    """Write the policy of a run to one file that acts by NumPy alone, see `ArrayPolicy`; return what it says.
+
+    Args:
+        run: the run's folder, or one of its checkpoints.
+        path: of the file; its name ends in `.npz`.
+
+    Raises:
+        PolicyError: there is no checkpoint, or the file cannot be written.
+        RunError: the run is damaged or of another version.
+        ConfigError: no file can have that name.
+    """
+    check_policy_path(path)
+    info, config, algorithm = load_trained(run)
+    header = Header(
+        task=info.task,
+        algorithm=info.algorithm,
+        control_mode=info.control_mode,
+        sampling=info.sampling,
+        frame=info.sampling["frame"],
+        **info.sizes,
+        network=config.network,
+    )
+    write_policy(path, header, {name: value.numpy() for name, value in algorithm.state_dict().items()})
+    return header
 
 
 @contextmanager
