@@ -1,4 +1,4 @@
-"""PPO of Stable-Baselines3 over many objects at once: `pip install 'artiskill[rl]'`, docs/reinforcement_learning.md."""
+"""PPO of Stable-Baselines3 over many objects at once: `pip install 'artiskill[rl]'`, see the docs."""
 
 import argparse
 from pathlib import Path
