@@ -1,4 +1,4 @@
-"""Learn to open one drawer with PPO of Stable-Baselines3: `pip install 'artiskill[rl]'`, docs/reinforcement_learning.md."""
+"""Learn to open one drawer with PPO of Stable-Baselines3: `pip install 'artiskill[rl]'`, see the docs."""
 
 import argparse
 import csv
