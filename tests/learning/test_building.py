@@ -218,6 +218,16 @@ def test_only_failures_make_no_set(tmp_path: Path) -> None:
         build_training_set(files, tmp_path / "set", FOUR)
 
 
+def test_full_clouds_have_their_points_chosen(tmp_path: Path) -> None:
+    files = write_files(tmp_path / "files", made=settings(sampling=None))
+    made = build_training_set(files, tmp_path / "set", SetOptions(num_points=6))
+    sampling = {"num_points": 6, "method": "maniskill", "frame": "world", "settings": {}}
+    assert made.manifest.sampling == sampling | {"settings": {"masked_points": 4, "points_per_mask": 0}}
+    seen = made.layout.decode(made.read(np.arange(15))[:, 0])
+    assert (seen.masks.any(axis=-1).sum(axis=-1) <= 4).all()
+    assert seen.valid[:, 0].all()
+
+
 def test_only_some_objects(files: Path, tmp_path: Path) -> None:
     options = SetOptions(num_points=4, objects=("cabinet-0020",))
     made = build_training_set(files, tmp_path / "set", options)

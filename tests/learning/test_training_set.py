@@ -7,15 +7,25 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from artiskill.errors import DemoError
+from artiskill.learning.batch import Sizes
 from artiskill.learning.building import build_training_set
 from artiskill.learning.set_sources import SetOptions
-from artiskill.learning.training_set import FRAMES, MANIFEST, STEPS, TrainingSet, is_training_set
+from artiskill.learning.training_set import (
+    FRAMES,
+    MANIFEST,
+    STEPS,
+    TrainingSet,
+    is_training_set,
+    manifest_text,
+    read_set_manifest,
+)
 
 from .training_files import write_files
 
@@ -67,6 +77,14 @@ def edit(key: str, value: object) -> Callable[[Path], None]:
     return do
 
 
+def edit_and_sign(**changes: object) -> Callable[[Path], None]:
+    def do(folder: Path) -> None:
+        manifest = read_set_manifest(folder)
+        (folder / MANIFEST).write_text(manifest_text(replace(manifest, **changes)))  # type: ignore[arg-type]
+
+    return do
+
+
 def cut(name: str) -> Callable[[Path], None]:
     return lambda folder: os.truncate(folder / name, (folder / name).stat().st_size - 1)
 
@@ -83,6 +101,11 @@ def cut(name: str) -> Callable[[Path], None]:
         (edit("steps", 12), "was edited or damaged"),
         (edit("point_mean", [0.0, 0.0, 0.0]), "was edited or damaged"),
         (edit("new", 1), "was edited or damaged"),
+        (edit_and_sign(frames=14), "contradicts itself"),
+        (edit_and_sign(sizes=Sizes(10**12, 2, 3, 2)), "contradicts itself"),
+        (edit_and_sign(sizes=Sizes(4, 9, 3, 2)), "contradicts itself"),
+        (edit_and_sign(files={}), "contradicts itself"),
+        (edit_and_sign(steps=12), r"steps\.npy' does not hold what the manifest says"),
         (lambda folder: (folder / MANIFEST).write_text("{"), "is damaged: Expecting"),
         (lambda folder: (folder / MANIFEST).write_text("[]"), "is no training set: its manifest's format is None"),
         (cut(FRAMES), r"frames\.bin' has 779 bytes, the manifest says 780: it was truncated or changed"),

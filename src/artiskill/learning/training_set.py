@@ -25,7 +25,7 @@ from artiskill.config import from_mapping, to_mapping
 from artiskill.errors import ConfigError, DemoError, shown
 from artiskill.files import check_path, is_file, open_regular, parse_json, read_bytes
 from artiskill.learning.batch import Sizes, Statistics
-from artiskill.learning.observation import ObservationLayout
+from artiskill.learning.observation import MOST_MASKS, ObservationLayout
 
 FORMAT, VERSION = "artiskill-training-set", 1
 MANIFEST, FRAMES, STEPS, TRAJECTORIES = "manifest.json", "frames.bin", "steps.npy", "trajectories.npy"
@@ -165,6 +165,7 @@ class TrainingSet:
         self.manifest = read_set_manifest(self.folder)
         self.sizes, self.statistics = self.manifest.sizes, self.manifest.statistics
         self.layout = ObservationLayout(self.sizes.points, self.sizes.masks, self.sizes.agent)
+        _check_sizes(self.manifest, self.layout, self.folder)
         for name, listed in self.manifest.files.items():
             _check_set_file(self.folder / name, listed, check)
         self.steps = self._load(STEPS, step_type(self.sizes.action), self.manifest.steps)
@@ -260,6 +261,17 @@ def _open_for_random_reads(path: Path) -> int:
     if hasattr(os, "posix_fadvise"):
         os.posix_fadvise(handle, 0, 0, os.POSIX_FADV_RANDOM)  # the neighbours of a record are not wanted
     return handle
+
+
+def _check_sizes(manifest: SetManifest, layout: ObservationLayout, folder: Path) -> None:
+    """Raise `DemoError` unless a manifest lists the files of a set, and enough bytes for its frames."""
+    try:
+        wanted = manifest.frames * layout.dtype.itemsize
+        agrees = set(manifest.files) == {FRAMES, STEPS, TRAJECTORIES} and manifest.files[FRAMES].bytes == wanted
+    except (ValueError, OverflowError):  # sizes that no array has
+        agrees = False
+    if not agrees or not 0 <= manifest.sizes.masks <= MOST_MASKS:
+        raise DemoError(f"{str(folder / MANIFEST)!r} contradicts itself: make the training set anew")
 
 
 def _check_set_file(path: Path, listed: SetFile, checksum: bool) -> None:
