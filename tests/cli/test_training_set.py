@@ -34,6 +34,7 @@ def test_a_set_and_its_table(tmp_path: Path, capsys: pytest.CaptureFixture[str])
             ["--points", "4", "--objects", "cabinet-0021"],
             "unknown object 'cabinet-0021'; did you mean 'cabinet-0020'",
         ),
+        (["--points", "4", "--task", "PushChair"], "is of task OpenCabinetDrawer, not 'PushChair'"),
         (["--point", "4"], "unknown option '--point'; did you mean '--points'"),
     ],
 )
@@ -57,4 +58,5 @@ def test_an_interruption_is_no_error(
     monkeypatch.setattr("artiskill.learning.building.choose_trajectories", interrupt)
     files = write_files(tmp_path / "files")
     assert main(["training-set", str(files), "--out", str(tmp_path / "set"), "--points", "4"]) == 130
-    assert not (tmp_path / "set" / "manifest.json").exists()
+    assert capsys.readouterr().err == "interrupted; what was replayed is kept, the same command goes on\n"
+    assert not (tmp_path / "set").exists()

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from artiskill.cli.parser import add_command, add_workers, workers_of
+from artiskill.cli.parser import add_command, add_stored_task, add_workers, workers_of
 from artiskill.cli.progress import ProgressBar
 from artiskill.cli.table import make_console, make_table
 
@@ -36,6 +36,7 @@ def add_commands(commands: Any) -> None:
     add("--method", help=f"how points are chosen, {replaying}: maniskill, uniform, voxel or fps")
     add("--frame", help=f"frame of the points, {replaying}: world, robot or end_effector")
     add("--control-mode", help=f"joint or operational_space, {replaying}")
+    add_stored_task(parser)
     add_workers(parser)
 
 
@@ -54,10 +55,13 @@ def _training_set(arguments: argparse.Namespace) -> None:
         control_mode=arguments.control_mode,
     )
     start = time.perf_counter()
-    with _Progress() as progress:
-        made = build_training_set(
-            arguments.source, arguments.out, options, workers=workers_of(arguments), on_progress=progress
-        )
+    try:
+        with _Progress() as progress:
+            made = build_training_set(
+                arguments.source, arguments.out, options, arguments.task, workers_of(arguments), progress
+            )
+    except KeyboardInterrupt as interrupt:
+        raise KeyboardInterrupt("interrupted; what was replayed is kept, the same command goes on") from interrupt
     _print_set(made, time.perf_counter() - start)
 
 
