@@ -1,0 +1,88 @@
+"""Minutes that a cell takes: by finished cells of the same machine, else by rates measured elsewhere."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+from artiskill.files import parse_json, read_bytes
+from artiskill.jobs.parallel import available_cores
+from learning_tables.cells import Cell, Method, Resources, Settings, place_of
+
+# samples per second of behaviour cloning: of a core with AVX2, and of a GPU of 2022, which is a guess
+CORE_RATES = {"small": 870.0, "pointnet": 86.0, "pointnet_transformer": 25.0}
+GPU_RATES = {"small": 40_000.0, "pointnet": 20_000.0, "pointnet_transformer": 10_000.0}
+# time of a sample in units of behaviour cloning's, of the paper: 35 h and 9 h with batches of 64, 5 h with 128
+EFFORT = {"bc": 1.0, "bcq": 14.0, "td3bc": 3.6}
+STEP_S = 0.003  # of an environment with point clouds
+ACT_S = {"small": 0.0005, "pointnet": 0.006, "pointnet_transformer": 0.02}
+LENGTH = 150  # steps of an episode
+DEMO_S = 0.6  # to collect a demonstration and replay it, on a core
+
+
+class Estimate(NamedTuple):
+    """Minutes of a cell that is not finished."""
+
+    data: float
+    training: float
+    measuring: float
+    is_measured: bool  # whether training's is of this machine
+
+    @property
+    def total(self) -> float:
+        """All of them."""
+        return self.data + self.training + self.measuring
+
+
+def describe_machine(device: str) -> str:
+    """Return the machine on which `artiskill train --device` trains."""
+    try:
+        import torch
+    except ImportError:
+        return f"{available_cores()} cores"
+    if device != "cpu" and torch.cuda.is_available():
+        return str(torch.cuda.get_device_name())
+    return f"{available_cores()} cores"
+
+
+class Estimator:
+    """Estimates, with the rates of the finished cells of a work folder."""
+
+    def __init__(self, cells: Iterable[Cell], settings: Settings, work: Path, resources: Resources) -> None:
+        self._settings, self._work, self._resources = settings, work, resources
+        self._machine = describe_machine(resources.device)
+        self._seconds: dict[Method, list[tuple[float, float]]] = {}  # with the samples
+        for cell in cells:
+            self.learn(cell)
+
+    def learn(self, cell: Cell) -> None:
+        """Take the rate of a cell, if it is trained."""
+        path = place_of(cell, self._work).trained
+        if path.is_file():
+            found = parse_json(read_bytes(path))
+            if found["machine"] == self._machine and found["seconds"] > 0:
+                self._seconds.setdefault(cell.method, []).append((found["seconds"], found["samples"]))
+
+    def estimate(self, cell: Cell) -> Estimate:
+        """Return the minutes of what is left of a cell, nothing of its training being done."""
+        settings, place, workers = self._settings, place_of(cell, self._work), self._resources.workers
+        samples = cell.steps(settings) * settings.batch_size
+        known = self._seconds.get(cell.method)
+        rate = sum(n for _, n in known) / sum(s for s, _ in known) if known else self._rate(cell.method)
+        training = 0.0 if place.trained.is_file() else samples / rate
+        left = [split for split, path in place.reports.items() if not (path / "report.json").is_file()]
+        episodes = sum(cell.episodes(settings, split) for split in left)
+        measuring = episodes * LENGTH * (STEP_S + ACT_S[cell.method.network]) / workers
+        data = 0.0 if place.data.is_dir() or not training else self._demonstrations(cell) * DEMO_S / workers
+        return Estimate(data / 60, training / 60, measuring / 60, bool(known))
+
+    def _rate(self, method: Method) -> float:
+        """Return the samples per second, by the tables above."""
+        if self._machine.endswith(" cores"):
+            cores = self._resources.threads or available_cores()
+            return CORE_RATES[method.network] * cores / EFFORT[method.algorithm]
+        return GPU_RATES[method.network] / EFFORT[method.algorithm]
+
+    def _demonstrations(self, cell: Cell) -> int:
+        if cell.column in self._settings.schedule:
+            return int(cell.column)
+        return self._settings.per_object * cell.episodes(self._settings, "train") // self._settings.train_levels

@@ -1,0 +1,131 @@
+"""The tables as Markdown, for docs/learning.md."""
+
+import functools
+import operator
+from collections.abc import Sequence
+
+import numpy as np
+
+from artiskill.gallery.facts import markdown
+from learning_tables.cells import METHODS, TASKS, A, B, Method, Settings
+from learning_tables.results import PAPER_A, PAPER_B, PAPER_COUNTS, Measured, Result
+
+MISSING = "missing"
+NETWORKS = {"small": "small", "pointnet": "PointNet", "pointnet_transformer": "PointNet+Transformer"}
+ALGORITHMS = {"bc": "BC", "bcq": "BCQ", "td3bc": "TD3+BC"}
+PAPER = "ManiSkill paper"
+
+
+def tables_text(results: Sequence[Result], settings: Settings) -> str:
+    """Return both tables, each with what its policies have in common."""
+    parts = [
+        *("### One drawer", _about_a(results, settings), drawer_table(results, settings)),
+        *("### Four tasks", _about_b(results, settings), tasks_table(results)),
+    ]
+    return "\n\n".join(parts)
+
+
+def drawer_table(results: Sequence[Result], settings: Settings) -> str:
+    """Return table a: a row per method, a column per number of demonstrations; the paper's rows below."""
+    counts = list(settings.schedule)
+    rows = []
+    for method in METHODS:
+        cells = [_chosen(results, A, method, count) for count in counts]
+        texts = [_rate(found, "new") for found in cells]
+        rows.append([*_names(method), *texts, *_training([one for found in cells for one in found])])
+    for method, rates in PAPER_A.items():
+        known = dict(zip(map(str, PAPER_COUNTS), rates, strict=True))
+        texts = [f"{known[count]:.0%}" if count in known else "" for count in counts]
+        rows.append([*_names(method, PAPER), *texts, "", ""])
+    return markdown(["network", "algorithm", *counts, "minutes of training", "on"], rows)
+
+
+def tasks_table(results: Sequence[Result]) -> str:
+    """Return table b: a row per task and method; the paper's rows below each task's."""
+    rows = []
+    for number, task in enumerate(TASKS):
+        for method in METHODS:
+            found = _chosen(results, B, method, task)
+            tests = [one.measured["test"] for one in found]
+            objects = _range(_sum(tests).objects_interval) if tests else MISSING
+            texts = [_rate(found, "train"), _rate(found, "test"), objects]
+            rows.append([task, *_names(method), *texts, *_training(found)])
+        for method, rates in PAPER_B.items():
+            rows.append([task, *_names(method, PAPER), *(f"{rate:.0%}" for rate in rates[number]), "", "", ""])
+    head = ["task", "network", "algorithm", "training objects", "test objects", "unseen objects in general"]
+    return markdown([*head, "minutes of training", "on"], rows)
+
+
+def _about_a(results: Sequence[Result], settings: Settings) -> str:
+    steps = [f"{count}: {round(steps * settings.scale):,}" for count, steps in settings.schedule.items()]
+    scale = "" if settings.scale == 1 else f" ({settings.scale:.2g} of the paper's schedule)"
+    return (
+        f"Success on {settings.episodes} new levels of {settings.drawer[0]}, {settings.drawer[1]}, by the number "
+        f"of demonstrations, with 95 % Wilson intervals. Gradient steps of {settings.batch_size} samples by "
+        f"demonstrations: {'; '.join(steps)}{scale}. {_about_cells(results, A, len(settings.schedule))}"
+    )
+
+
+def _about_b(results: Sequence[Result], settings: Settings) -> str:
+    objects = f"{' '.join(settings.train_objects)}; {' '.join(settings.test_objects)}"
+    return (
+        f"Success on training objects ({settings.train_levels} new levels each) and test objects "
+        f"({settings.test_levels} levels each; objects: {objects}), with 95 % Wilson intervals over episodes; the "
+        "interval for unseen objects in general is a bootstrap over test objects. Every policy saw "
+        f"{settings.samples:,} samples, in batches of {settings.batch_size}, of {settings.per_object} "
+        f"demonstrations of each training object. {_about_cells(results, B, len(TASKS))}"
+    )
+
+
+def _about_cells(results: Sequence[Result], table: str, columns: int) -> str:
+    """Say how seeds count and what is missing."""
+    found = {(one.cell.method, one.cell.column) for one in results if one.cell.table == table}
+    total = len(METHODS) * columns
+    missing = (
+        "No cell is missing." if len(found) == total else f"{total - len(found)} of {total} cells are missing."
+    )
+    return (
+        "The last checkpoint counts. Of several seeds the episodes are added, and ± is the standard deviation "
+        f"between seeds. {missing}"
+    )
+
+
+def _chosen(results: Sequence[Result], table: str, method: Method, column: str) -> list[Result]:
+    return [one for one in results if one.cell[:3] == (table, method, column)]
+
+
+def _names(method: Method, source: str = "") -> list[str]:
+    network = NETWORKS[method.network]
+    return [f"{source}: {network}" if source else network, ALGORITHMS[method.algorithm]]
+
+
+def _sum(measured: Sequence[Measured]) -> Measured:
+    return functools.reduce(operator.add, measured)
+
+
+def _rate(found: Sequence[Result], split: str) -> str:
+    """Return a rate with what is known about its error."""
+    if not found:
+        return MISSING
+    measured = [one.measured[split] for one in found]
+    total = _sum(measured)
+    text = f"{total.rate:.0%} ({_range(total.interval)})"
+    if len(measured) == 1:
+        return text
+    return f"{text} ± {np.std([one.rate for one in measured], ddof=1):.0%}, {len(measured)} seeds"
+
+
+def _range(interval: tuple[float, float]) -> str:
+    low, high = interval
+    return f"{low:.0%} to {high:.0%}"
+
+
+def _training(found: Sequence[Result]) -> list[str]:
+    """Return minutes of the shortest and the longest training, and the machines."""
+    if not found:
+        return ["", ""]
+    minutes = [
+        f"{value:.{1 if value < 9.95 else 0}f}" for value in (f(one.minutes for one in found) for f in (min, max))
+    ]
+    machines = sorted({one.trained["machine"] for one in found})
+    return [" to ".join(dict.fromkeys(minutes)), ", ".join(machines)]

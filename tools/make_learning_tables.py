@@ -1,0 +1,249 @@
+"""Make the tables of docs/learning.md anew: `python tools/make_learning_tables.py --only a`.
+
+Table a: one drawer by the number of demonstrations. Table b: four tasks on training and test objects. Each cell is
+one policy: its demonstrations, training set, training and evaluation are commands of `artiskill`, printed as they
+run. Whatever ends this script, the same command goes on; finished cells are known by their reports. Nothing is
+trained on, or chosen by, test objects.
+"""
+
+import argparse
+import csv
+import json
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import asdict
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+from artiskill.errors import ArtiSkillError, ConfigError
+from artiskill.files import atomic_write, parse_json, read_bytes, read_text
+from artiskill.jobs.parallel import available_cores
+from learning_tables.cells import POINTS, STAGES, TASKS, A, B, Cell, Resources, Settings, all_cells, place_of
+from learning_tables.estimates import Estimator
+from learning_tables.markdown import tables_text
+from learning_tables.queue import CommandError, Queue, locked
+from learning_tables.results import CSV_HEAD, csv_rows, read_results
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "learning.md"
+TABLE = Path("data", "learning.csv")  # beside the page
+BEGIN, END = "<!-- made by tools/make_learning_tables.py -->", "<!-- end of what was made -->"
+SCHEDULE = ("10:2000", "30:4000", "100:10000", "300:20000", "1000:40000")  # the paper's
+SAMPLES_B = 2_560_000  # 20,000 batches of 128; the paper's BC had 19,200,000
+SETTINGS = "settings.json"
+
+
+def main(arguments: list[str]) -> int:
+    """Run the queue, write the tables; the exit status is 1 if a cell failed, 2 if what is asked is not legal."""
+    options = make_parser().parse_args(arguments)
+    try:
+        settings = make_settings(options)
+        settings.check(TASKS)
+        cells = chosen_cells(options, settings)
+        resources = Resources(options.device, options.precision, options.workers, options.threads)
+        if options.list:
+            print_list(cells, settings, options.work, resources)
+            return 0
+        with locked(options.work) as lock:
+            keep_settings(settings, options.work)
+            queue = Queue(settings, options.work, resources, options.stages, lock)
+            return run_all(queue, cells, settings, options, resources)
+    except ArtiSkillError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of the script's options."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add = parser.add_argument
+    add("--work", type=Path, default=Path("results/learning-tables"), help="folder (default: %(default)s)")
+    add("--page", type=Path, default=PAGE, help="with the two marks (default: docs/learning.md)")
+    add("--only", choices=(A, B), help="one drawer, or four tasks (default: both)")
+    add("--cells", nargs="+", metavar="CELL", help="names as --list prints them, * allowed")
+    add("--tasks", nargs="+", choices=TASKS, default=TASKS, metavar="TASK", help="of table b (default: all four)")
+    add("--networks", nargs="+", choices=POINTS, default=["small"], help="(default: small)")
+    add("--seeds", nargs="+", type=int, default=[0], help="(default: 0)")
+    add(
+        "--stages",
+        nargs="+",
+        choices=STAGES,
+        default=STAGES,
+        help="of each cell, for machines without engine or GPU",
+    )
+    add("--list", action="store_true", help="print the cells with an estimate of minutes, and end")
+    add("--time-limit", type=float, metavar="MINUTES", help="start no cell that would probably end later")
+    samples = "of each policy of table b, and of the longest of table a, whose others shrink with it"
+    add("--samples", type=int, help=f"{samples} (default: {SAMPLES_B}, and the paper's schedule)")
+    add("--schedule", nargs="+", default=SCHEDULE, metavar="COUNT:STEPS", help="demonstrations of table a")
+    add("--batch-size", type=int, default=128, help="of all algorithms (default: %(default)s)")
+    add("--drawer", default="cabinet-0002/link_0", help="of table a (default: %(default)s)")
+    add("--episodes", type=int, default=100, help="of table a (default: %(default)s)")
+    add("--per-object", type=int, default=40, help="demonstrations of table b (default: %(default)s)")
+    add("--train-objects", nargs="+", default=["train"], help="of table b (default: train)")
+    add("--test-objects", nargs="+", default=["test"], help="of table b (default: test)")
+    add("--train-levels", type=int, default=20, help="episodes on each training object (default: %(default)s)")
+    add("--test-levels", type=int, default=50, help="episodes on each test object (default: %(default)s)")
+    add("--frame", default="world", help="of the points (default: %(default)s)")
+    add("--device", default="auto", help="auto, cpu or cuda (default: %(default)s)")
+    add("--precision", default="float32", help="float32 or bfloat16 (default: %(default)s)")
+    add("--threads", type=int, help="of training on a CPU (default: one per core)")
+    add("--workers", type=int, default=available_cores(), help="processes (default: one per core)")
+    return parser
+
+
+def make_settings(options: argparse.Namespace) -> Settings:
+    """Return the settings that options mean.
+
+    Raises:
+        ConfigError: a text of another form, or a number that is too small.
+    """
+    numbers = ("batch_size", "episodes", "per_object", "train_levels", "test_levels", "workers")
+    for name in numbers:
+        if getattr(options, name) < 1:
+            raise ConfigError(f"--{name.replace('_', '-')} must be at least 1, not {getattr(options, name)}")
+    if options.samples is not None and options.samples < options.batch_size:
+        raise ConfigError(
+            f"--samples must be at least the batch size, {options.batch_size}, not {options.samples}"
+        )
+    obj, slash, target = options.drawer.partition("/")
+    if not slash:
+        raise ConfigError(f"--drawer is OBJECT/TARGET, such as cabinet-0002/link_0, not {options.drawer!r}")
+    schedule = dict(map(_schedule_item, options.schedule))
+    samples = options.samples or max(schedule.values()) * options.batch_size
+    return Settings(
+        drawer=(obj, target),
+        schedule=schedule,
+        scale=samples / (max(schedule.values()) * options.batch_size),
+        samples=options.samples or SAMPLES_B,
+        batch_size=options.batch_size,
+        episodes=options.episodes,
+        per_object=options.per_object,
+        train_objects=list(options.train_objects),
+        test_objects=list(options.test_objects),
+        train_levels=options.train_levels,
+        test_levels=options.test_levels,
+        frame=options.frame,
+    )
+
+
+def _schedule_item(text: str) -> tuple[str, int]:
+    count, _, steps = text.partition(":")
+    if not (count.isdecimal() and steps.isdecimal() and int(count) and int(steps)):
+        raise ConfigError(f"--schedule is COUNT:STEPS, such as {SCHEDULE[0]}, not {text!r}")
+    return str(int(count)), int(steps)
+
+
+def chosen_cells(options: argparse.Namespace, settings: Settings) -> list[Cell]:
+    """Return the cells that options choose.
+
+    Raises:
+        ConfigError: there are none.
+    """
+    patterns = options.cells or ["*"]
+    cells = [
+        cell
+        for cell in all_cells(settings, options.seeds)
+        if cell.method.network in options.networks
+        and options.only in (None, cell.table)
+        and (cell.table == A or cell.column in options.tasks)
+        and any(fnmatchcase(cell.name, pattern) for pattern in patterns)
+    ]
+    if not cells:
+        raise ConfigError("no cell is chosen; --list prints the names of those that --cells may choose from")
+    return cells
+
+
+def keep_settings(settings: Settings, work: Path) -> None:
+    """Write the settings into the work folder, or compare them with those of before.
+
+    Raises:
+        ConfigError: they differ.
+    """
+    path = work / SETTINGS
+    ours = parse_json(json.dumps(asdict(settings)))
+    if path.is_file():
+        theirs = parse_json(read_bytes(path))
+        found = [
+            f"{key} {theirs.get(key)!r}, not {value!r}" for key, value in ours.items() if theirs.get(key) != value
+        ]
+        if found:
+            raise ConfigError(f"{str(work)!r} holds cells with {'; '.join(found)}: choose another --work")
+        return
+    with atomic_write(path) as temporary:
+        temporary.write_text(json.dumps(ours, indent=1) + "\n", encoding="utf-8")
+
+
+def print_list(cells: Sequence[Cell], settings: Settings, work: Path, resources: Resources) -> None:
+    """Print the cells with minutes."""
+    estimator = Estimator(cells, settings, work, resources)
+    total, counted = 0.0, set[Path]()
+    for cell in cells:
+        if place_of(cell, work).is_finished:
+            print(f"{cell.name:55} finished")
+            continue
+        minutes, data = estimator.estimate(cell), place_of(cell, work).data
+        if data in counted:  # shared with a cell above
+            minutes = minutes._replace(data=0.0)
+        counted.add(data)
+        total += minutes.total
+        parts = f"data {minutes.data:.1f}, training {minutes.training:.1f}, measuring {minutes.measuring:.1f}"
+        source = "as measured here" if minutes.is_measured else "by rates of another machine"
+        print(f"{cell.name:55} {minutes.total:7.1f} min: {parts} ({source})")
+    print(f"{'all':55} {total:7.1f} min")
+
+
+def run_all(
+    queue: Queue, cells: Sequence[Cell], settings: Settings, options: argparse.Namespace, resources: Resources
+) -> int:
+    """Run cells one after the other, and write the tables after each one; the exit status is 1 if one failed."""
+    estimator, start, failed = Estimator(cells, settings, options.work, resources), time.monotonic(), []
+    write_tables(settings, options)
+    for number, cell in enumerate(cells, 1):
+        if place_of(cell, options.work).is_finished:
+            continue
+        minutes, spent = estimator.estimate(cell).total, (time.monotonic() - start) / 60
+        if options.time_limit is not None and spent + minutes > options.time_limit:
+            print(f"not started, for lack of time: {cell.name}, about {minutes:.1f} min", flush=True)
+            continue
+        print(f"cell {number} of {len(cells)}: {cell.name}, about {minutes:.1f} min", flush=True)
+        try:
+            queue.run(cell)
+        except CommandError as error:
+            print(f"failed: {cell.name}: {error}", file=sys.stderr, flush=True)
+            failed.append(cell.name)
+            continue
+        estimator.learn(cell)
+        write_tables(settings, options)
+    return int(bool(failed))
+
+
+def write_tables(settings: Settings, options: argparse.Namespace) -> None:
+    """Write the CSV file and what stands between the marks of the page, of all that is finished."""
+    results = read_results(options.work, settings)
+    try:
+        text = read_text(options.page)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"cannot read {str(options.page)!r}: {error}") from error
+    if BEGIN not in text or END not in text:
+        raise ConfigError(f"{str(options.page)!r} lacks the marks between which tables are written: {BEGIN} {END}")
+    with atomic_write(options.page) as path:
+        path.write_text(with_tables(text, tables_text(results, settings)), encoding="utf-8")
+    (options.page.parent / TABLE).parent.mkdir(exist_ok=True)
+    with atomic_write(options.page.parent / TABLE) as path, path.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows([CSV_HEAD, *csv_rows(results, settings)])
+
+
+def with_tables(page: str, tables: str) -> str:
+    """Return the page with what stands between the two marks made anew."""
+    before, _, rest = page.partition(BEGIN)
+    _, _, after = rest.partition(END)
+    return f"{before}{BEGIN}\n\n{tables}\n\n{END}{after}"
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main(sys.argv[1:]))
+    except KeyboardInterrupt:
+        print("interrupted; the same command goes on", file=sys.stderr)
+        sys.exit(130)
