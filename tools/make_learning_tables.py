@@ -19,7 +19,19 @@ from pathlib import Path
 from artiskill.errors import ArtiSkillError, ConfigError
 from artiskill.files import atomic_write, parse_json, read_bytes, read_text
 from artiskill.jobs.parallel import available_cores
-from learning_tables.cells import POINTS, STAGES, TASKS, A, B, Cell, Resources, Settings, all_cells, place_of
+from learning_tables.cells import (
+    POINTS,
+    STAGES,
+    TASKS,
+    A,
+    B,
+    Cell,
+    Resources,
+    Settings,
+    all_cells,
+    check_cells,
+    place_of,
+)
 from learning_tables.estimates import Estimator
 from learning_tables.markdown import tables_text
 from learning_tables.queue import CommandError, Queue, locked
@@ -38,8 +50,8 @@ def main(arguments: list[str]) -> int:
     options = make_parser().parse_args(arguments)
     try:
         settings = make_settings(options)
-        settings.check(TASKS)
         cells = chosen_cells(options, settings)
+        check_cells(cells, settings)
         resources = Resources(options.device, options.precision, options.workers, options.threads)
         if options.list:
             print_list(cells, settings, options.work, resources)

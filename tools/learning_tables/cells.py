@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from artiskill.assets.catalog import SPLITS, list_objects, resolve_objects
+from artiskill.assets.catalog import SPLITS, list_objects, read_catalog, resolve_objects
+from artiskill.errors import check_name
 from artiskill.learning.train_config import check_not_measured
 
 TASKS = ("OpenCabinetDoor", "OpenCabinetDrawer", "PushChair", "MoveBucket")
@@ -72,12 +73,6 @@ class Settings:
         usable = {name for one in SPLITS for name in list_objects(task=task, split=one)}
         return [name for name in given if name in SPLITS or name in usable]
 
-    def check(self, tasks: Iterable[str]) -> None:
-        """Raise `ConfigError` if training objects are of a split that results are about."""
-        check_not_measured([self.drawer[0]])
-        for task in tasks:
-            check_not_measured(resolve_objects(self.objects("train", task), task=task))
-
 
 class Cell(NamedTuple):
     """One policy: table, row, column (demonstrations, or a task) and seed."""
@@ -110,6 +105,21 @@ class Cell(NamedTuple):
         names = settings.objects(split, self.task)
         levels = settings.train_levels if split == "train" else settings.test_levels
         return len(resolve_objects(names, task=self.task)) * levels
+
+
+def check_cells(cells: Iterable[Cell], settings: Settings) -> None:
+    """See that objects exist, and that none trains by which results are measured.
+
+    Raises:
+        UnknownNameError, AssetError, ConfigError: an object for which that does not hold.
+    """
+    for name in (*settings.train_objects, *settings.test_objects):
+        check_name("object", name, (*SPLITS, *read_catalog()))
+    for table, task in sorted({(cell.table, cell.task) for cell in cells}):
+        names = [settings.drawer[0]] if table == A else settings.objects("train", task)
+        check_not_measured(resolve_objects(names, task=task))
+        if table == B:
+            resolve_objects(settings.objects("test", task), task=task)
 
 
 def all_cells(settings: Settings, seeds: Iterable[int]) -> Iterator[Cell]:

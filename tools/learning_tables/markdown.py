@@ -2,13 +2,13 @@
 
 import functools
 import operator
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from artiskill.gallery.facts import markdown
 from learning_tables.cells import METHODS, TASKS, A, B, Method, Settings
-from learning_tables.results import PAPER_A, PAPER_B, PAPER_COUNTS, Measured, Result
+from learning_tables.results import PAPER_A, PAPER_B, PAPER_STEPS, Measured, Result
 
 MISSING = "missing"
 NETWORKS = {"small": "small", "pointnet": "PointNet", "pointnet_transformer": "PointNet+Transformer"}
@@ -34,46 +34,52 @@ def drawer_table(results: Sequence[Result], settings: Settings) -> str:
         texts = [_rate(found, "new") for found in cells]
         rows.append([*_names(method), *texts, *_training([one for found in cells for one in found])])
     for method, rates in PAPER_A.items():
-        known = dict(zip(map(str, PAPER_COUNTS), rates, strict=True))
+        known = dict(zip(PAPER_STEPS, rates, strict=True))
         texts = [f"{known[count]:.0%}" if count in known else "" for count in counts]
         rows.append([*_names(method, PAPER), *texts, "", ""])
     return markdown(["network", "algorithm", *counts, "minutes of training", "on"], rows)
 
 
 def tasks_table(results: Sequence[Result]) -> str:
-    """Return table b: a row per task and method; the paper's rows below each task's."""
+    """Return table b: a row per task and method, with the paper's numbers."""
     rows = []
     for number, task in enumerate(TASKS):
         for method in METHODS:
             found = _chosen(results, B, method, task)
             tests = [one.measured["test"] for one in found]
             objects = _range(_sum(tests).objects_interval) if tests else MISSING
-            texts = [_rate(found, "train"), _rate(found, "test"), objects]
+            paper = " / ".join(f"{rate:.0%}" for rate in PAPER_B[method][number]) if method in PAPER_B else ""
+            texts = [_rate(found, "train"), _rate(found, "test"), objects, paper]
             rows.append([task, *_names(method), *texts, *_training(found)])
-        for method, rates in PAPER_B.items():
-            rows.append([task, *_names(method, PAPER), *(f"{rate:.0%}" for rate in rates[number]), "", "", ""])
     head = ["task", "network", "algorithm", "training objects", "test objects", "unseen objects in general"]
-    return markdown([*head, "minutes of training", "on"], rows)
+    return markdown([*head, f"{PAPER}: training / test", "minutes of training", "on"], rows)
 
 
 def _about_a(results: Sequence[Result], settings: Settings) -> str:
-    steps = [f"{count}: {round(steps * settings.scale):,}" for count, steps in settings.schedule.items()]
-    scale = "" if settings.scale == 1 else f" ({settings.scale:.2g} of the paper's schedule)"
+    steps = {count: max(1, round(steps * settings.scale)) for count, steps in settings.schedule.items()}
+    texts = [f"{number:,} for {count} demonstrations" for count, number in steps.items()]
+    paper = "as in the paper" if steps == PAPER_STEPS else f"the paper's: {_numbers(PAPER_STEPS.values())}"
     return (
         f"Success on {settings.episodes} new levels of {settings.drawer[0]}, {settings.drawer[1]}, by the number "
-        f"of demonstrations, with 95 % Wilson intervals. Gradient steps of {settings.batch_size} samples by "
-        f"demonstrations: {'; '.join(steps)}{scale}. {_about_cells(results, A, len(settings.schedule))}"
+        f"of demonstrations, with 95 % Wilson intervals. Gradient steps of {settings.batch_size} samples: "
+        f"{', '.join(texts)} ({paper}). {_about_cells(results, A, len(settings.schedule))}"
     )
 
 
+def _numbers(values: Iterable[int]) -> str:
+    return ", ".join(f"{value:,}" for value in values)
+
+
 def _about_b(results: Sequence[Result], settings: Settings) -> str:
+    steps = max(1, round(settings.samples / settings.batch_size))
     objects = f"{' '.join(settings.train_objects)}; {' '.join(settings.test_objects)}"
     return (
         f"Success on training objects ({settings.train_levels} new levels each) and test objects "
         f"({settings.test_levels} levels each; objects: {objects}), with 95 % Wilson intervals over episodes; the "
         "interval for unseen objects in general is a bootstrap over test objects. Every policy saw "
-        f"{settings.samples:,} samples, in batches of {settings.batch_size}, of {settings.per_object} "
-        f"demonstrations of each training object. {_about_cells(results, B, len(TASKS))}"
+        f"{steps * settings.batch_size:,} samples, in batches of {settings.batch_size}, of {settings.per_object} "
+        "demonstrations of each training object (the paper's BC: 19,200,000 samples, of 300). "
+        f"{_about_cells(results, B, len(TASKS))}"
     )
 
 
