@@ -12,10 +12,12 @@ import json
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Any
 
+from artiskill.config import to_mapping
 from artiskill.errors import ArtiSkillError, ConfigError
 from artiskill.files import atomic_write, parse_json, read_bytes, read_text
 from artiskill.jobs.parallel import available_cores
@@ -42,7 +44,11 @@ TABLE = Path("data", "learning.csv")  # beside the page
 BEGIN, END = "<!-- made by tools/make_learning_tables.py -->", "<!-- end of what was made -->"
 SCHEDULE = ("10:2000", "30:4000", "100:10000", "300:20000", "1000:40000")  # the paper's
 SAMPLES_B = 2_560_000  # 20,000 batches of 128; the paper's BC had 19,200,000
-SETTINGS = "settings.json"
+PARTS = {  # of settings, each kept in a file of its own
+    "shared": ("batch_size", "frame"),
+    A: ("drawer", "schedule", "scale", "episodes"),
+    B: ("samples", "per_object", "train_objects", "test_objects", "train_levels", "test_levels"),
+}
 
 
 def main(arguments: list[str]) -> int:
@@ -57,7 +63,7 @@ def main(arguments: list[str]) -> int:
             print_list(cells, settings, options.work, resources)
             return 0
         with locked(options.work) as lock:
-            keep_settings(settings, options.work)
+            settings = keep_settings(settings, {cell.table for cell in cells}, options.work)
             queue = Queue(settings, options.work, resources, options.stages, lock)
             return run_all(queue, cells, settings, options, resources)
     except ArtiSkillError as error:
@@ -124,7 +130,7 @@ def make_settings(options: argparse.Namespace) -> Settings:
     schedule = dict(map(_schedule_item, options.schedule))
     samples = options.samples or max(schedule.values()) * options.batch_size
     return Settings(
-        drawer=(obj, target),
+        drawer=[obj, target],
         schedule=schedule,
         scale=samples / (max(schedule.values()) * options.batch_size),
         samples=options.samples or SAMPLES_B,
@@ -166,24 +172,34 @@ def chosen_cells(options: argparse.Namespace, settings: Settings) -> list[Cell]:
     return cells
 
 
-def keep_settings(settings: Settings, work: Path) -> None:
-    """Write the settings into the work folder, or compare them with those of before.
+def keep_settings(settings: Settings, tables: set[str], work: Path) -> Settings:
+    """Keep the settings in the work folder; return them, with those of before for tables that are not chosen.
 
     Raises:
-        ConfigError: they differ.
+        ConfigError: those of chosen tables differ from those of before.
     """
-    path = work / SETTINGS
-    ours = parse_json(json.dumps(asdict(settings)))
-    if path.is_file():
-        theirs = parse_json(read_bytes(path))
-        found = [
-            f"{key} {theirs.get(key)!r}, not {value!r}" for key, value in ours.items() if theirs.get(key) != value
-        ]
-        if found:
-            raise ConfigError(f"{str(work)!r} holds cells with {'; '.join(found)}: choose another --work")
-        return
-    with atomic_write(path) as temporary:
-        temporary.write_text(json.dumps(ours, indent=1) + "\n", encoding="utf-8")
+    for part, names in PARTS.items():
+        path = work / f"settings-{part}.json"
+        theirs = parse_json(read_bytes(path)) if path.is_file() else None
+        if theirs is not None and part in (A, B) and part not in tables:
+            settings = replace(settings, **theirs)
+            continue
+        ours = {name: value for name, value in to_mapping(settings).items() if name in names}
+        if theirs is not None:
+            check_same(ours, theirs, work)
+        elif part not in (A, B) or part in tables:
+            with atomic_write(path) as temporary:
+                temporary.write_text(json.dumps(ours, indent=1) + "\n", encoding="utf-8")
+    return settings
+
+
+def check_same(ours: dict[str, Any], theirs: dict[str, Any], work: Path) -> None:
+    """Raise `ConfigError` if settings differ."""
+    found = [
+        f"{key} {theirs.get(key)!r}, not {value!r}" for key, value in ours.items() if theirs.get(key) != value
+    ]
+    if found:
+        raise ConfigError(f"{str(work)!r} holds cells with {'; '.join(found)}: choose another --work")
 
 
 def print_list(cells: Sequence[Cell], settings: Settings, work: Path, resources: Resources) -> None:

@@ -124,3 +124,18 @@ def test_cells_of_other_settings_are_not_mixed(
     assert main() == 2
     assert "lacks the marks" in capsys.readouterr().err
     assert called() == []
+
+
+def test_each_table_has_its_own_schedule(
+    page: Path, main: Callable[..., int], called: Callable[[], list[str]]
+) -> None:
+    assert main("--samples", "2560") == 0
+    chair = "--only", "b", "--cells", "b/small-bc/PushChair/*", "--train-objects", "chair-0004"
+    assert main(*chair, "--samples", "1280") == 0
+    text = page.read_text()
+    assert "10 for 10 demonstrations, 20 for 30 demonstrations" in text
+    assert "| small | BC | 75% (30% to 95%) | 75% (30% to 95%) |" in text
+    assert "Every policy saw 1,280 samples" in text
+    row = "| PushChair | small | BC | 75% (30% to 95%) | 75% (30% to 95%) | 75% to 75% |"
+    assert row in text
+    assert [line.split()[0] for line in called()].count("train") == 3

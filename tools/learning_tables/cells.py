@@ -1,6 +1,6 @@
 """Cells of the tables: what each one trains and measures, and the commands that make it."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -54,7 +54,7 @@ class Settings:
         frame: of the points.
     """
 
-    drawer: tuple[str, str]
+    drawer: Sequence[str]
     schedule: dict[str, int]
     scale: float
     samples: int

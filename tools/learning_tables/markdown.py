@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from artiskill.gallery.facts import markdown
-from learning_tables.cells import METHODS, TASKS, A, B, Method, Settings
+from learning_tables.cells import METHODS, POINTS, TASKS, A, B, Method, Settings
 from learning_tables.results import PAPER_A, PAPER_B, PAPER_STEPS, Measured, Result
 
 MISSING = "missing"
@@ -91,7 +91,8 @@ def _about_cells(results: Sequence[Result], table: str, columns: int) -> str:
         "No cell is missing." if len(found) == total else f"{total - len(found)} of {total} cells are missing."
     )
     return (
-        "The last checkpoint counts. Of several seeds the episodes are added, and ± is the standard deviation "
+        f"Clouds have {POINTS['small']} points for the small network, {POINTS['pointnet']:,} for the others. The "
+        "last checkpoint counts. Of several seeds the episodes are added, and ± is the standard deviation "
         f"between seeds. {missing}"
     )
 
