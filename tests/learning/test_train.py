@@ -75,7 +75,7 @@ def test_other_data_are_refused(run: Path, tmp_path: Path) -> None:
 
 
 def test_data_of_another_task_can_be_mended(tiny_set: Path, tmp_path: Path) -> None:
-    with pytest.raises(DemoError, match=f"is a training set of task {TASK}, not 'PushChair'"):
+    with pytest.raises(DemoError, match=f"is of task {TASK}, not 'PushChair'"):
         train(load_train_config("bc", "PushChair"), TrainData(tiny_set), tmp_path / "run")
     assert not (tmp_path / "run").exists()
     assert go(tiny_set, tmp_path / "run").state.step == 20
