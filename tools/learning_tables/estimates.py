@@ -8,13 +8,17 @@ from artiskill.files import parse_json, read_bytes
 from artiskill.jobs.parallel import available_cores
 from learning_tables.cells import Cell, Method, Resources, Settings, place_of
 
-# samples per second of behaviour cloning: of a core with AVX2, and of a GPU of 2022, which is a guess
-CORE_RATES = {"small": 870.0, "pointnet": 86.0, "pointnet_transformer": 25.0}
-GPU_RATES = {"small": 40_000.0, "pointnet": 20_000.0, "pointnet_transformer": 10_000.0}
-# time of a sample in units of behaviour cloning's, of the paper: 35 h and 9 h with batches of 64, 5 h with 128
-EFFORT = {"bc": 1.0, "bcq": 14.0, "td3bc": 3.6}
+# samples per second of a core, as docs/training_runs.md has them
+CORE_RATES = {
+    "small": {"bc": 1209.0, "bcq": 236.0, "td3bc": 300.0},
+    "pointnet": {"bc": 204.0, "bcq": 33.0, "td3bc": 43.0},
+    "pointnet_transformer": {"bc": 111.0, "bcq": 18.0, "td3bc": 25.0},
+}
+GPU_CORES = 90.0  # a guess: how many cores a GPU is worth, and what reading allows at most
+READING_RATE = 20_000.0
 STEP_S = 0.003  # of an environment with point clouds
-ACT_S = {"small": 0.0005, "pointnet": 0.006, "pointnet_transformer": 0.02}
+ACT_S = {"small": 0.0012, "pointnet": 0.0035, "pointnet_transformer": 0.0095}
+BCQ_ACT = 2.3  # times as long
 LENGTH = 150  # steps of an episode
 DEMO_S = 0.6  # to collect a demonstration and replay it, on a core
 
@@ -71,16 +75,17 @@ class Estimator:
         training = 0.0 if place.trained.is_file() else samples / rate
         left = [split for split, path in place.reports.items() if not (path / "report.json").is_file()]
         episodes = sum(cell.episodes(settings, split) for split in left)
-        measuring = episodes * LENGTH * (STEP_S + ACT_S[cell.method.network]) / workers
+        act_s = ACT_S[cell.method.network] * (BCQ_ACT if cell.method.algorithm == "bcq" else 1.0)
+        measuring = episodes * LENGTH * (STEP_S + act_s) / workers
         data = 0.0 if place.data.is_dir() or not training else self._demonstrations(cell) * DEMO_S / workers
         return Estimate(data / 60, training / 60, measuring / 60, bool(known))
 
     def _rate(self, method: Method) -> float:
         """Return the samples per second, by the tables above."""
+        rate = CORE_RATES[method.network][method.algorithm]
         if self._machine.endswith(" cores"):
-            cores = self._resources.threads or available_cores()
-            return CORE_RATES[method.network] * cores / EFFORT[method.algorithm]
-        return GPU_RATES[method.network] / EFFORT[method.algorithm]
+            return rate * (self._resources.threads or available_cores())
+        return min(rate * GPU_CORES, READING_RATE)
 
     def _demonstrations(self, cell: Cell) -> int:
         if cell.column in self._settings.schedule:
