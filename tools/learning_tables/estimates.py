@@ -37,15 +37,17 @@ class Estimate(NamedTuple):
         return self.data + self.training + self.measuring
 
 
-def describe_machine(device: str) -> str:
-    """Return the machine on which `artiskill train --device` trains."""
+def describe_machine(resources: Resources) -> str:
+    """Return the machine on which `artiskill train` trains with these options: a GPU's name, or cores."""
+    cores = resources.threads or available_cores()
+    text = f"{cores} core{'s' * (cores > 1)}"
+    if resources.device == "cpu":
+        return text
     try:
         import torch
     except ImportError:
-        return f"{available_cores()} cores"
-    if device != "cpu" and torch.cuda.is_available():
-        return str(torch.cuda.get_device_name())
-    return f"{available_cores()} cores"
+        return text
+    return str(torch.cuda.get_device_name()) if torch.cuda.is_available() else text
 
 
 class Estimator:
@@ -53,7 +55,7 @@ class Estimator:
 
     def __init__(self, cells: Iterable[Cell], settings: Settings, work: Path, resources: Resources) -> None:
         self._settings, self._work, self._resources = settings, work, resources
-        self._machine = describe_machine(resources.device)
+        self._machine = describe_machine(resources)
         self._seconds: dict[Method, list[tuple[float, float]]] = {}  # with the samples
         for cell in cells:
             self.learn(cell)
@@ -83,7 +85,7 @@ class Estimator:
     def _rate(self, method: Method) -> float:
         """Return the samples per second, by the tables above."""
         rate = CORE_RATES[method.network][method.algorithm]
-        if self._machine.endswith(" cores"):
+        if self._machine.endswith((" core", " cores")):
             return rate * (self._resources.threads or available_cores())
         return min(rate * GPU_CORES, READING_RATE)
 

@@ -122,7 +122,7 @@ class Queue:
             "steps": steps,
             "samples": steps * self._settings.batch_size,
             "seconds": round(training_seconds(place.run / "metrics.csv", steps) or wall_s, 1),
-            "machine": describe_machine(self._resources.device),
+            "machine": describe_machine(self._resources),
             "precision": self._resources.precision,
         }
         with atomic_write(place.trained) as path:

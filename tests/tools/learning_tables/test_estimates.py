@@ -9,12 +9,13 @@ from learning_tables.cells import A, B, Cell, Method, Resources, Settings, place
 from learning_tables.estimates import ACT_S, CORE_RATES, LENGTH, STEP_S, Estimator, describe_machine
 
 SMALL = Method("small", "bc")
+RESOURCES = Resources("cpu", "float32", workers=2, threads=1)
 FIRST, SECOND = Cell(A, SMALL, "10", 0), Cell(A, SMALL, "30", 0)
 
 
 @pytest.fixture
 def estimator(tmp_path: Path, settings: Settings) -> Estimator:
-    return Estimator([FIRST, SECOND], settings, tmp_path, Resources("cpu", "float32", workers=2, threads=1))
+    return Estimator([FIRST, SECOND], settings, tmp_path, RESOURCES)
 
 
 def test_rates_of_elsewhere_hold_until_there_are_own_ones(
@@ -26,7 +27,7 @@ def test_rates_of_elsewhere_hold_until_there_are_own_ones(
     assert before.data > 0
     assert not before.is_measured
 
-    noted = {"seconds": 40.0, "samples": 80, "machine": describe_machine("cpu")}
+    noted = {"seconds": 40.0, "samples": 80, "machine": "1 core"}
     trained = place_of(FIRST, tmp_path).trained
     trained.parent.mkdir(parents=True)
     trained.write_text(json.dumps(noted))
@@ -38,6 +39,11 @@ def test_rates_of_elsewhere_hold_until_there_are_own_ones(
     left = estimator.estimate(FIRST)
     assert (left.training, left.data) == (0.0, 0.0)
     assert left.measuring > 0
+
+
+def test_a_machine_is_described_by_the_cores_that_train() -> None:
+    assert describe_machine(RESOURCES) == "1 core"
+    assert describe_machine(RESOURCES._replace(threads=3)) == "3 cores"
 
 
 def test_rates_of_another_machine_are_not_own_ones(tmp_path: Path, estimator: Estimator) -> None:
