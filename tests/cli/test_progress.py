@@ -81,3 +81,13 @@ def test_lines_between(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.M
     with ProgressBar("title", 9, "levels") as progress:
         progress.print("level 0 [solved]")
     assert "level 0 [solved]" in terminal.getvalue()
+
+
+def test_what_there_is_to_say_about_units(capsys: pytest.CaptureFixture[str]) -> None:
+    with ProgressBar("training", 40, "steps") as progress:
+        progress.skip(20)
+        for step in range(21, 41):
+            progress.show(step, f"loss {step / 100}")
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.split("/")[0] for line in lines] == [f"training: {step}" for step in (24, 28, 32, 36, 40)]
+    assert lines[-1].startswith("training: 40/40 steps, loss 0.4, ")

@@ -74,7 +74,7 @@ def assert_same_weights(one: Path, other: Path) -> None:
 
 
 def test_a_killed_run_goes_on_and_ends_with_the_same_bits(tiny_set: Path, tmp_path: Path) -> None:
-    steps = 400
+    steps = 1200
     whole = start(command(tiny_set, tmp_path / "whole", steps))
     killed = start(command(tiny_set, tmp_path / "parts", steps))
     wait_for(tmp_path / "parts" / LATEST, killed)
