@@ -17,7 +17,7 @@ from artiskill.errors import ArtiSkillError, PolicyError
 from artiskill.evaluation.development import make_develop
 from artiskill.evaluation.evaluate import evaluate
 from artiskill.evaluation.plan import plan_evaluation
-from artiskill.evaluation.policies import load_policy
+from artiskill.evaluation.policies import load_policy, trained_task
 from artiskill.evaluation.report import Report
 from artiskill.learning.policy import RunPolicy, load_trained
 from artiskill.learning.run import LATEST, read_info
@@ -66,6 +66,13 @@ def test_actions_are_those_of_the_algorithm(run: Path) -> None:
     finally:
         torch.set_num_threads(1)
     assert not load_trained(run)[2].training
+
+
+def test_a_run_knows_its_task(run: Path, tmp_path: Path) -> None:
+    assert trained_task(str(run)) == trained_task(run / LATEST) == TASK
+    assert trained_task("expert") is None
+    with pytest.raises(PolicyError, match="of no training run"):
+        trained_task(tmp_path)
 
 
 def test_the_number_of_workers_changes_nothing(run: Path) -> None:

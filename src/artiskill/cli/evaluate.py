@@ -24,6 +24,7 @@ _EPILOG = """examples:
 docs/evaluation.md describes solution files and reports."""
 
 
+_TASK = "OpenCabinetDrawer"
 _DEMO_EPILOG = """The demo is this command, with 2 episodes on each test object:
   artiskill evaluate --task OpenCabinetDrawer --policy expert --objects test --episodes 2 \\
       --out results/demo --video results/demo/episode.gif"""
@@ -47,9 +48,10 @@ def add_commands(commands: Any) -> None:
 
 def _add_evaluate(commands: Any) -> None:
     parser = add_command(commands, "evaluate", _run_evaluate, "measure a policy on many objects", _EPILOG)
-    _add_task(parser)
     add = parser.add_argument
-    policies = "expert, demonstrator, random, still or path/to/solution.py (default: expert)"
+    task = f"name of the task, or module:Task (default: that of a trained policy, else {_TASK})"
+    add("--task", help=task)
+    policies = "expert, demonstrator, random, still, path/to/solution.py or a training run (default: expert)"
     add("--policy", default="expert", help=policies)
     add("--objects", nargs="+", default=["test"], help="splits, ids or PartNet folders (default: test)")
     add("--target", help="target link, or 'all' to evaluate each one separately (default: drawn by each level)")
@@ -72,7 +74,7 @@ def _add_evaluate(commands: Any) -> None:
 def _add_task(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--task",
-        default="OpenCabinetDrawer",
+        default=_TASK,
         help="name of the task, or module:Task of your own package (default: %(default)s)",
     )
 
@@ -135,9 +137,10 @@ def _note_earlier_report(folder: Path | None) -> Iterator[None]:
 
 def _plan(arguments: argparse.Namespace) -> "EvaluationPlan":
     from artiskill.evaluation.plan import plan_evaluation
+    from artiskill.evaluation.policies import trained_task
 
     return plan_evaluation(
-        task=arguments.task,
+        task=arguments.task or trained_task(arguments.policy) or _TASK,
         policy=arguments.policy,
         objects=arguments.objects,
         episodes=arguments.episodes,

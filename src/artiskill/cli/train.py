@@ -25,7 +25,7 @@ _EPILOG = """examples:
   torchrun --nproc-per-node 2 -m artiskill train bc ...     # with several GPUs
 
 The same command goes on where a run was stopped; with more --steps it goes on beyond its end.
-docs/learning.md describes data, runs and values."""
+docs/training_runs.md describes data, runs and values."""
 _ALGORITHMS = "bc, bcq or td3bc"
 
 
@@ -189,4 +189,4 @@ def _print_end(trainer: "Trainer", folder: Path) -> None:
             f"best: step {state.best_step}, {state.best_successes} episodes of development objects solved, "
             f"{wanted.episodes} on each"
         )
-    print(f"measure it: artiskill evaluate --task {trainer.config.task} --policy {folder}")
+    print(f"measure it: artiskill evaluate --policy {folder}")

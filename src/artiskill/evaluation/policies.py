@@ -13,13 +13,13 @@ import numpy as np
 from artiskill.demos.demonstrator import Demonstrator
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.wrappers import Sampling
-from artiskill.errors import ConfigError, UnknownNameError, shown
+from artiskill.errors import ConfigError, PolicyError, RunError, UnknownNameError, shown
 from artiskill.evaluation.solution import Solution, read_solution
 from artiskill.experts.registry import Expert, make_expert
 from artiskill.files import is_folder
 from artiskill.jobs.worker import NO_DEADLINE, Deadline, Send
 from artiskill.learning.array_policy import ArrayPolicy
-from artiskill.learning.run import load_run, weights_digest
+from artiskill.learning.run import load_run, read_info, run_folder, weights_digest, weights_file
 from artiskill.tasks.levels import RngStream, level_generator
 
 LOAD_TIMEOUT_S = 120.0  # to run a solution file and construct its policy: weights may be large
@@ -236,6 +236,24 @@ def is_run(policy: Any) -> bool:
     if not isinstance(policy, str | Path) or str(policy) in _ACTORS:
         return False
     return is_folder(policy) or Path(policy).suffix in (CHECKPOINT, ARRAYS)
+
+
+def trained_task(policy: Any) -> str | None:
+    """Return the name of the task that a trained policy learned; None for any other policy.
+
+    Raises:
+        PolicyError: there is no such run or file, or it is damaged.
+    """
+    if not is_run(policy):
+        return None
+    path = Path(policy)
+    if path.suffix == ARRAYS:
+        return ArrayPolicy(path).header.task
+    weights_file(path)
+    try:
+        return read_info(run_folder(path)).task
+    except RunError as error:
+        raise PolicyError(str(error)) from error
 
 
 def policy_digest(policy: Any) -> str | None:
