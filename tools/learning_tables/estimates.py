@@ -19,7 +19,7 @@ READING_RATE = 20_000.0
 STEP_S = 0.003  # of an environment with point clouds
 ACT_S = {"small": 0.0012, "pointnet": 0.0035, "pointnet_transformer": 0.0095}
 BCQ_ACT = 2.3  # times as long
-LENGTH = 150  # steps of an episode
+LENGTH = 200  # steps of an episode that is not solved
 DEMO_S = 0.6  # to collect a demonstration and replay it, on a core
 
 
