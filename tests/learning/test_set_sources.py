@@ -1,16 +1,19 @@
-"""What a folder offers for a training set, and what it does not."""
+"""What a training set is made from, and fewer points than a training file has."""
 
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from artiskill.demos.demos import PACK, load_demo_pack
 from artiskill.demos.training_file import Sampling
+from artiskill.envs.wrappers import PointCloudDownsample
 from artiskill.errors import ArtiSkillError, ConfigError, DemoError
 from artiskill.learning.building import build_training_set
-from artiskill.learning.set_sources import SetOptions, find_source
+from artiskill.learning.set_sources import SetOptions, Thinner, choose_first_drawn, find_source
+from artiskill.sensors.observations.sampling import ManiskillSampler, downsample, make_sampler
 
 from .training_files import settings, write_files
 
@@ -95,3 +98,117 @@ def test_other_versions_of_libraries_replay_the_same_demonstrations(tmp_path: Pa
     with pytest.raises(DemoError, match="made from something else"):
         replace(upgraded, is_demos=False).check_same(tmp_path / "set")
     assert made.settings["versions"] == {}
+
+
+REAL = 128
+
+
+def cloud_of(codes: np.ndarray) -> dict[str, np.ndarray]:
+    """A cloud whose x counts the points and whose masks are bits of the codes."""
+    xyz = np.zeros((len(codes), 3), np.float32)
+    xyz[:, 0] = np.where(codes >= REAL, np.arange(1, len(codes) + 1), 0)
+    xyz[:, 2] = codes >= REAL
+    seg = (codes[:, None] >> np.arange(3)) & 1 == 1
+    return {"xyz": xyz, "rgb": np.full((len(codes), 3), 7, np.uint8), "seg": seg}
+
+
+def thin(thinner: Thinner, cloud: dict[str, np.ndarray], step: int = 0, level: int = 0) -> dict[str, np.ndarray]:
+    """The result for one cloud."""
+    thinned = thinner.thin({name: values[None] for name, values in cloud.items()}, level, step)
+    return {name: values[0] for name, values in thinned.items()}
+
+
+@pytest.mark.parametrize(
+    ("masked", "kept"),
+    [
+        ([3, 3, 2, 2, 4, 4, 2, 2, 4, 4, 3, 2, 2, 4], [0, 2, 4, 6, 7, 8, 9, 14, 15, 16]),
+        # the handle has one point
+        ([3, 2, 2, 4, 4, 2, 2, 4, 4, 2, 2, 2, 4, 2], [0, 1, 3, 5, 6, 7, 8, 14, 15, 16]),
+    ],
+)
+def test_by_hand(masked: list[int], kept: list[int]) -> None:
+    """2 of each mask, masked ones up to 14, others up to 20; now half of all that."""
+    codes = np.array(masked + [0] * 6, np.uint8) + np.uint8(REAL)
+    assert choose_first_drawn(codes, ManiskillSampler(20, 14, 2), ManiskillSampler(10, 7, 1)).tolist() == kept
+
+
+@pytest.mark.parametrize("method", ["uniform", "voxel", "fps"])
+def test_other_methods_keep_what_was_drawn_first(method: str) -> None:
+    codes = np.full(20, REAL, np.uint8)
+    codes[18:] = 0
+    thinner = Thinner(Sampling(20, method, "robot"), 5)
+    thinned = thin(thinner, cloud_of(codes))
+    assert thinned["xyz"][:, 0].tolist() == [1, 2, 3, 4, 5]
+    assert (thinner.sampling.num_points, thinner.sampling.method, thinner.sampling.frame) == (5, method, "robot")
+
+
+def test_padding_stands_at_the_end() -> None:
+    codes = np.array([REAL, REAL, 0, 0, 0], np.uint8)
+    thinned = thin(Thinner(Sampling(5, "uniform"), 3), cloud_of(codes))
+    assert thinned["xyz"][:, 0].tolist() == [1, 2, 0]
+    assert thinned["rgb"][:, 0].tolist() == [7, 7, 0]
+
+
+def test_as_many_points_are_the_same_points() -> None:
+    cloud = cloud_of(np.full(6, REAL + 1, np.uint8))
+    thinned = thin(Thinner(Sampling(6), 6), cloud)
+    for name, values in cloud.items():
+        np.testing.assert_array_equal(thinned[name], values)
+
+
+@pytest.mark.parametrize(
+    "sizes",
+    [
+        pytest.param((60, 3000, 9000, 20000), id="many of all"),
+        pytest.param((20, 300, 9000, 20000), id="a handle with few points"),
+        pytest.param((20, 100, 300, 20000), id="fewer masked points than wanted"),
+        pytest.param((0, 0, 9000, 100), id="only one mask, and few others"),
+    ],
+)
+def test_masks_have_the_shares_that_the_sensor_gives(sizes: tuple[int, ...]) -> None:
+    handle, link, robot, others = sizes
+    codes = np.repeat(
+        np.array([3, 2, 4, 0], np.uint8) + np.uint8(REAL), (handle, link - handle if link else 0, robot, others)
+    )
+    whole = cloud_of(codes)
+    rng = np.random.default_rng(0)
+    many, few = make_sampler("maniskill", 1200), make_sampler("maniskill", 256)
+    thinner = Thinner(Sampling(1200), 256)
+    direct, thinned = np.zeros(4), np.zeros(4)
+    repeats = 60
+    for step in range(repeats):
+        file = downsample(whole["xyz"], whole["rgb"], whole["seg"], many, rng)
+        for counts, cloud in (
+            (direct, downsample(whole["xyz"], whole["rgb"], whole["seg"], few, rng)),
+            (thinned, thin(thinner, file, step)),
+        ):
+            assert len(np.unique(cloud["xyz"][:, 0])) == np.count_nonzero(cloud["xyz"][:, 0]) + (
+                cloud["xyz"][-1, 0] == 0
+            )
+            counts += [*cloud["seg"].sum(axis=0), np.count_nonzero(cloud["xyz"][:, 0])]
+    np.testing.assert_allclose(thinned / repeats, direct / repeats, atol=2.5)
+
+
+def test_full_clouds_give_the_points_that_the_environment_gives() -> None:
+    with load_demo_pack("OpenCabinetDrawer").open("cabinet-0002") as file:
+        options = {"level": 3, "object": file.load_object()}
+        env = file.header.settings.make_env([file.load_object()], obs_mode="pointcloud")
+        full = env.reset(options=options)[0]["pointcloud"]
+        thinner = Thinner(None, 256)
+        sampling = thinner.sampling
+        sampled = PointCloudDownsample(env, sampling.method, sampling.num_points, sampling.frame)
+        wanted = sampled.reset(options=options)[0]["pointcloud"]
+    found = thin(thinner, full, level=3)
+    for name, values in wanted.items():
+        np.testing.assert_array_equal(found[name], values)
+
+
+def test_settings_that_count_points_shrink_with_them() -> None:
+    sampling = Sampling(1200, settings={"masked_points": 600, "points_per_mask": 60})
+    assert Thinner(sampling, 300).sampling.settings == {"masked_points": 150, "points_per_mask": 15}
+    assert Thinner(Sampling(1200, "voxel", settings={"voxel_m": 0.1}), 300).sampling.settings == {"voxel_m": 0.1}
+
+
+def test_more_points_than_there_are() -> None:
+    with pytest.raises(ConfigError, match="the training files have 4 points each: choose at most so many, not 5"):
+        Thinner(Sampling(4), 5)

@@ -22,8 +22,7 @@ from artiskill.errors import DemoError
 from artiskill.files import atomic_write, lock_folder, output_path
 from artiskill.learning.batch import Sizes
 from artiskill.learning.observation import ObservationLayout
-from artiskill.learning.set_sources import OnProgress, SetOptions, SetSource, find_source
-from artiskill.learning.thinning import Thinner, sampling_values
+from artiskill.learning.set_sources import OnProgress, SetOptions, SetSource, Thinner, find_source, sampling_values
 from artiskill.learning.training_set import (
     FRAMES,
     MANIFEST,

@@ -20,11 +20,13 @@ What is decided here, and written to `metadata`:
 The costly part, the convex decomposition, is kept on disk (`hull_cache`): a second import takes 0.1 to 0.3 s.
 """
 
+import hashlib
 import numbers
 import re
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -35,24 +37,44 @@ from artiskill.assets.articulated_object import (
     ArticulatedObject,
     Category,
     Handle,
+    Joint,
     Link,
     check_object_id,
 )
 from artiskill.assets.kinematics import shapes_volume_m3
 from artiskill.assets.needs import MovingLink, Needs
-from artiskill.assets.partnet.collisions import Decompose, find_overlaps
+from artiskill.assets.partnet.collisions import (
+    Decompose,
+    LinkSurface,
+    collision_shapes,
+    find_overlaps,
+    trim_overlaps,
+)
 from artiskill.assets.partnet.decompose import DecompositionPart, import_coacd
-from artiskill.assets.partnet.drawn import DrawnMesh, read_drawn, vertices_of
+from artiskill.assets.partnet.drawn import DrawnMesh, read_drawn, vertices_of, visual_meshes
 from artiskill.assets.partnet.folder import URDF_NAME, open_object
+from artiskill.assets.partnet.handles import ImportedHandle, clear_handles, find_handles
 from artiskill.assets.partnet.hull_cache import OnProgress, decompose_cached, default_cache_dir
-from artiskill.assets.partnet.links import Source, build_links
 from artiskill.assets.partnet.part_names import UNKNOWN, WHEEL, PartNames, read_category, read_part_names
-from artiskill.assets.partnet.placement import RestRule, check_size, find_placement, read_own_frame, rest_joints
+from artiskill.assets.partnet.placement import (
+    Placement,
+    RestJoint,
+    RestRule,
+    check_size,
+    find_placement,
+    read_own_frame,
+    rest_joints,
+)
 from artiskill.assets.partnet.simplify import thin_out
 from artiskill.assets.partnet.urdf import Body, body_poses, build_bodies, drop_empty, read_urdf, transform
 from artiskill.errors import AssetError, shown
 from artiskill.geometry.arrays import total
+from artiskill.geometry.meshes import TriMesh, sample_surface
 
+_SURFACE_POINTS_PER_LINK = 200
+# Chairs and buckets as in the first release. Cabinets: particle board has 600-700 kg/m3, solid pine 500; hulls
+# follow panels to a few millimetres, so that their volume is the wood's.
+_DENSITY_KG_M3: dict[Category, float] = {"cabinet": 600.0, "chair": 200.0, "bucket": 1000.0}
 _REST_RULES: dict[Category, RestRule] = {"cabinet": "close", "chair": "settle", "bucket": "keep"}
 # of progress lines: what takes less needs none; from one to the next
 _SILENT_S, _INTERVAL_S = 1.0, 10.0
@@ -139,7 +161,7 @@ def _import_folder(
     bounds = np.stack((place.apply(world.min(axis=0)), place.apply(world.max(axis=0))))
     check_size(np.ptp(bounds, axis=0), place.scale, name)
     poses = body_poses(bodies, [joint.value if joint else 0.0 for joint in rest])
-    links, found = build_links(Source(category, bodies, drawn, rest, poses), place, decompose, warnings)
+    links, found = _build_links(_Source(category, bodies, drawn, rest, poses), place, decompose, warnings)
     handles = tuple(one.handle for one in found)
     links, said = thin_out(links, category)
     warnings += said + _final_warnings(links, handles, category)
@@ -235,3 +257,95 @@ def _final_warnings(links: tuple[Link, ...], handles: tuple[Handle, ...], catego
     if category == "cabinet" and not handles:
         found.append("no movable link has a part named handle or knob: the object has no target links")
     return found + (find_overlaps(links) if category == "cabinet" else [])
+
+
+@dataclass(frozen=True, eq=False)
+class _Source:
+    """The object as read, in the file's units; lists run over the bodies."""
+
+    category: Category  # of the object
+    bodies: tuple[Body, ...]  # its rigid bodies
+    drawn: list[list[DrawnMesh]]  # their surfaces, each in its body's frame
+    rest: list[RestJoint | None]  # their joints, relative to rest; None for the root
+    poses: list[np.ndarray]  # (4, 4) of each in the root's frame, its joint at 0
+
+
+def _build_links(
+    source: _Source, place: Placement, decompose: Decompose, warnings: list[str]
+) -> tuple[tuple[Link, ...], list[ImportedHandle]]:
+    """Return links, the root first, and handles; what is odd is added to `warnings`.
+
+    `decompose` finds convex hulls, as in `collision_shapes`.
+    """
+    surfaces, positions = _surfaces_and_positions(source, place)
+    shapes = collision_shapes(surfaces, source.category, decompose, warnings)
+    if source.category == "cabinet":
+        placed = [(surface.name, position) for surface, position in zip(surfaces, positions, strict=True)]
+        shapes, said = trim_overlaps(placed, shapes)
+        warnings += said
+    links: list[Link] = []
+    handles: list[ImportedHandle] = []
+    textures: dict[Path, np.ndarray | None] = {}
+    for index, (body, surface) in enumerate(zip(source.bodies, surfaces, strict=True)):
+        rng = _content_rng(surface)
+        found = find_handles(surface, source.category, rng, warnings)
+        if source.category == "cabinet" and found:
+            found = clear_handles(found, surfaces, shapes, positions, index, warnings)
+        handles += found
+        parent_position = positions[body.parent] if body.parent >= 0 else np.zeros(3)
+        links.append(
+            Link(
+                name=body.name,
+                parent=body.parent,
+                position=positions[index] - parent_position,
+                quaternion=np.array((1.0, 0.0, 0.0, 0.0)),
+                joint=surface.joint,
+                visuals=visual_meshes(surface.drawn, textures, warnings),
+                collisions=shapes[index],
+                density_kg_m3=_DENSITY_KG_M3[source.category],
+                surface_points=_surface_points(surface.drawn, rng),
+            )
+        )
+    return tuple(links), handles
+
+
+def _surfaces_and_positions(source: _Source, place: Placement) -> tuple[list[LinkSurface], list[np.ndarray]]:
+    """Return what each link is made from, and its frame's position (3,) in the object with all joints at 0."""
+    surfaces, positions = [], []
+    for index, body in enumerate(source.bodies):
+        joint, position = _joint_and_position(source, index, place)
+        drawn = [m.moved(source.poses[index], place.scale, place.shift - position) for m in source.drawn[index]]
+        surfaces.append(LinkSurface(body.name, drawn, joint))
+        positions.append(position)
+    return surfaces, positions
+
+
+def _joint_and_position(source: _Source, index: int, place: Placement) -> tuple[Joint | None, np.ndarray]:
+    """Return the joint in its link's frame, and the frame's position (3,) in the object with all joints at 0."""
+    body, rest, pose = source.bodies[index], source.rest[index], source.poses[index]
+    if body.joint is None or rest is None:
+        return None, np.zeros(3)
+    axis = rest.sign * (pose[:3, :3] @ body.joint.axis)
+    axis[np.abs(axis) < 1e-9] = 0.0  # the turn by pi / 2 leaves dust
+    position, limits = place.apply(pose[:3, 3]), rest.limits
+    if rest.kind == "prismatic":
+        limits = (limits[0] * place.scale, limits[1] * place.scale)
+        points = vertices_of(source.drawn[index])
+        if len(points):  # any point is on a sliding axis
+            world = place.apply(transform(pose, points))
+            position = (world.min(axis=0) + world.max(axis=0)) / 2
+    return Joint(body.joint.name, rest.kind, axis / np.linalg.norm(axis), np.zeros(3), limits), position
+
+
+def _surface_points(drawn: Sequence[DrawnMesh], rng: np.random.Generator) -> np.ndarray:
+    meshes = [mesh.mesh for mesh in drawn]
+    return sample_surface(meshes, _SURFACE_POINTS_PER_LINK, rng) if meshes else np.empty((0, 3))
+
+
+def _content_rng(surface: LinkSurface) -> np.random.Generator:
+    """Return a generator seeded by the link's name and geometry: the same samples on every import."""
+    digest = hashlib.sha256(surface.name.encode())
+    for mesh in surface.drawn:
+        merged: TriMesh = mesh.mesh
+        digest.update(np.round(merged.vertices, 9).tobytes() + merged.faces.tobytes())
+    return np.random.default_rng(int.from_bytes(digest.digest()[:8], "little"))
