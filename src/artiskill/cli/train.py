@@ -56,9 +56,6 @@ def add_commands(commands: Any) -> None:
 
 
 def _run_train(arguments: argparse.Namespace) -> None:
-    # Threads of OpenMP wait for one another without turning: where others use the cores, too, training is eight
-    # times as fast, and elsewhere no slower. It is read when torch is loaded.
-    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     from artiskill.learning.run import check_torch
 
     check_torch("training")

@@ -262,9 +262,10 @@ def describe_run(trainer: Trainer, training_set: TrainingSet, processes: Process
     samples = config.steps * config.batch_size
     wanted = config.development
     measured = f"success on {', '.join(wanted.objects)} every {wanted.every} steps chooses the checkpoint"
+    objects = f"{len(held.objects)} objects" if len(held.objects) > 1 else held.objects[0]
     return [
-        f"{config.name}, {config.task}: {held.steps} steps of {held.trajectories} demonstrations on "
-        f"{len(held.objects)} objects, {held.sizes.points} points each",
+        f"{config.name}, {config.task}: {held.steps} steps of {held.trajectories} demonstrations on {objects}, "
+        f"{held.sizes.points} points each",
         f"network {config.network.kind}, {trainer.parameters} parameters; {config.steps} steps of "
         f"{config.batch_size}, {samples} samples; {config.precision} on {number}{device}",
         measured if trainer.measures else "no success is measured: the last checkpoint counts",
