@@ -115,7 +115,7 @@ def test_values_of_2021(name: str, slow: str) -> None:
 
 
 def test_acting_knows_no_dropout() -> None:
-    bc = BC(BC.Config(1e-3, 0), tiny_maker(SIZES, dropout=0.5), SIZES)
+    bc = BC(BC.Config(1e-3, 0, True), tiny_maker(SIZES, dropout=0.5), SIZES)
     observation = random_batch(torch.Generator().manual_seed(0)).observation
     assert torch.equal(bc.act(observation), bc.act(observation))
     assert bc.policy.training

@@ -11,7 +11,7 @@ from artiskill.errors import ConfigError
 from artiskill.learning.bc import BC, BCConfig
 
 SIZES = tiny_sizes(agent=1, action=2)
-CONFIG = BCConfig(learning_rate=0.1, weight_decay=0)
+CONFIG = BCConfig(learning_rate=0.1, weight_decay=0, standardise_actions=True)
 
 
 def linear_bc() -> BC:
@@ -31,6 +31,16 @@ def test_the_loss_is_the_mean_squared_error() -> None:
     logged = update(linear_bc(), make_batch([[0.0], [0.5]], [[0.5, 1.0], [0.0, 0.0]]))
     first, second = (0.25 + 1) / 2, math.tanh(0.5) ** 2
     assert logged == {"imitation_loss": pytest.approx((first + second) / 2)}
+
+
+@pytest.mark.parametrize(("standardise", "error"), [(True, (2.0**2 + 0.5**2) / 2), (False, (1 + 1) / 2)])
+def test_errors_count_in_standard_deviations(standardise: bool, error: float) -> None:
+    """The policy does (0, 0) where (1, -1) was done."""
+    config = BCConfig(learning_rate=0.1, weight_decay=0, standardise_actions=standardise)
+    bc = BC(config, tiny_maker(SIZES), SIZES, torch.tensor([0.5, 2.0]))
+    set_linear(bc.policy, [[1.0], [-1.0]], [0.0, 0.0])
+    assert update(bc, make_batch([[0.0]], [[1.0, -1.0]])) == {"imitation_loss": pytest.approx(error)}
+    assert "action_unit" not in bc.state_dict(), "it follows from the run's statistics"
 
 
 def test_a_step_follows_the_gradient() -> None:
@@ -70,7 +80,7 @@ def test_processes_that_average_gradients_are_one_process() -> None:
 def test_it_learns_to_reach() -> None:
     """A hand at s moves towards a target at t: the action is their difference, which a demonstrator shows."""
     sizes = tiny_sizes(agent=2, action=1)
-    bc = BC(BCConfig(3e-3, 0), tiny_maker(sizes, hidden=(32,)), sizes)
+    bc = BC(BCConfig(3e-3, 0, True), tiny_maker(sizes, hidden=(32,)), sizes)
 
     def draw(generator: torch.Generator) -> object:
         agent = torch.rand(64, 2, generator=generator)
@@ -83,4 +93,4 @@ def test_it_learns_to_reach() -> None:
 def test_what_it_needs() -> None:
     assert not BC.needs_next
     with pytest.raises(ConfigError, match="learning_rate must be positive"):
-        BCConfig(learning_rate=0, weight_decay=0)
+        BCConfig(learning_rate=0, weight_decay=0, standardise_actions=True)

@@ -27,6 +27,7 @@ CONFIG = BCQConfig(
     critic_learning_rate=0.1,
     vae_learning_rate=0.1,
     weight_decay=0,
+    standardise_actions=True,
     gamma=0.5,
     tau=0.1,
     reward_scale=0.5,
@@ -152,7 +153,7 @@ def test_a_batch_acts_as_its_observations_do_alone() -> None:
 
 
 def test_it_finds_the_way_where_bc_does_not() -> None:
-    bc = BC(BCConfig(3e-3, 0), tiny_maker(Chain.sizes, hidden=(32,)), Chain.sizes)
+    bc = BC(BCConfig(3e-3, 0, True), tiny_maker(Chain.sizes, hidden=(32,)), Chain.sizes)
     train(bc, Chain.draw, 200)
     assert Chain.steps_to_end(bc) == 20
 

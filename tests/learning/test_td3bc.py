@@ -31,6 +31,7 @@ CONFIG = TD3BCConfig(
     critic_learning_rate=0.1,
     policy_learning_rate=0.1,
     weight_decay=0,
+    standardise_actions=True,
     gamma=0.5,
     tau=0.1,
     reward_scale=0.5,
@@ -147,7 +148,7 @@ def test_without_alpha_it_is_bc(interval: int) -> None:
     config = replace(CONFIG, alpha=0, policy_interval=interval, weight_decay=1e-3)
     td3bc = TD3BC(config, make, CABINET)
     first.manual_seed(first.initial_seed())
-    bc = BC(BCConfig(0.1, 1e-3), make, CABINET)
+    bc = BC(BCConfig(0.1, 1e-3, True), make, CABINET)
     for step in range(6):
         draws = torch.Generator().manual_seed(step)
         action = torch.rand(3, CABINET.action, generator=draws) * 2 - 1

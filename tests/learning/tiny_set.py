@@ -82,6 +82,7 @@ def write_tiny_set(folder: Path, task: str = TASK, seed: int = 0) -> Path:
         point_std=(1.0,) * 3,
         agent_mean=(0.0,) * SIZES.agent,
         agent_std=(1.0,) * SIZES.agent,
+        action_std=(1.0,) * SIZES.action,
         options={},
         settings={"source": {"config": {}}, "seen": {}},
         sources={},

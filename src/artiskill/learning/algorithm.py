@@ -50,11 +50,13 @@ MakeNetwork = Callable[[int, int], Any]  # (outputs, E) -> a Network with fresh 
 class Algorithm(nn.Module, ABC):
     """Networks, their optimizers, one step of training, and how to act.
 
-    A subclass is made of `(config, make, sizes)`: its `Config`, what makes its networks (a `MakeNetwork`), and
-    the `Sizes` of arrays. What it has to remember stands in `state_dict()` and in its optimizers' `state_dict()`.
+    A subclass is made of `(config, make, sizes, action_std)`: its `Config`, what makes its networks (a
+    `MakeNetwork`), the `Sizes` of arrays, and the standard deviations (A,) of the demonstrations' actions. What it
+    has to remember stands in `state_dict()` and in its optimizers' `state_dict()`.
 
     Attributes:
         Config: the dataclass of its values.
+        action_unit: (A,) in which errors of actions count, or ().
         needs_next: whether batches need `next_observation`.
         optimizers: by name.
     """
@@ -62,6 +64,20 @@ class Algorithm(nn.Module, ABC):
     Config: ClassVar[type]
     needs_next: ClassVar[bool]
     optimizers: dict[str, Optimizer]
+    action_unit: Tensor
+
+    def __init__(self, action_std: Tensor | None, standardise: bool) -> None:
+        super().__init__()
+        unit = action_std if standardise and action_std is not None else torch.ones(())
+        self.register_buffer("action_unit", unit.clone(), persistent=False)
+
+    def imitation_error(self, action: Tensor, batch: Batch) -> Tensor:
+        """Return the mean squared error (B,) of actions (B, A), each number in its own unit.
+
+        That unit is the standard deviation of the demonstrations, else errors of joints that move slowly, those of
+        the arm, would vanish beside errors of base and fingers.
+        """
+        return ((action - batch.action) / self.action_unit).square().mean(-1)
 
     @abstractmethod
     def update(
@@ -77,7 +93,7 @@ class Algorithm(nn.Module, ABC):
             autocast: a new context for each forward pass.
 
         Returns:
-            Numbers to log, detached scalars; `imitation_loss`, the mean squared error of actions, is one in each
+            Numbers to log, detached scalars; `imitation_loss`, the mean of `imitation_error`, is one in each
             algorithm. A name is missing in steps that did not compute it.
         """
 

@@ -16,6 +16,7 @@ class BCConfig:
 
     learning_rate: float
     weight_decay: float
+    standardise_actions: bool  # errors count in standard deviations of the demonstrations
 
     def __post_init__(self) -> None:
         check_positive(self, "learning_rate")
@@ -28,8 +29,10 @@ class BC(Algorithm):
     Config = BCConfig
     needs_next = False
 
-    def __init__(self, config: BCConfig, make: MakeNetwork, sizes: Sizes) -> None:
-        super().__init__()
+    def __init__(
+        self, config: BCConfig, make: MakeNetwork, sizes: Sizes, action_std: Tensor | None = None
+    ) -> None:
+        super().__init__(action_std, config.standardise_actions)
         self.policy = make(sizes.action, 0)
         self.optimizers = {"policy": adam([self.policy], config.learning_rate, config.weight_decay)}
 
@@ -39,8 +42,7 @@ class BC(Algorithm):
         """Take one step down the squared error of the steps that are to be imitated."""
         with autocast():
             action = self.choose(batch.observation)
-        error = (action - batch.action).square().mean(-1)  # (B,)
-        loss = weighted_mean(error, batch.weight)
+        loss = weighted_mean(self.imitation_error(action, batch), batch.weight)
         descend(loss, self.optimizers["policy"], sync)
         return {"imitation_loss": loss.detach()}
 

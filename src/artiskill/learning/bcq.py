@@ -35,6 +35,7 @@ class BCQConfig:
     critic_learning_rate: float
     vae_learning_rate: float
     weight_decay: float
+    standardise_actions: bool  # errors count in standard deviations of the demonstrations
     gamma: float  # discount per step
     tau: float  # share of the way that targets go per step
     latent_per_action: int  # numbers in a latent per number in an action
@@ -68,6 +69,7 @@ class BCQConfig:
             critic_learning_rate=5e-4,
             vae_learning_rate=3e-4,
             weight_decay=5e-6,
+            standardise_actions=False,
             reward_scale=1.0,
             largest_value=None,
             compat="none",
@@ -80,9 +82,12 @@ class BCQ(Algorithm):
     Config = BCQConfig
     needs_next = True
 
-    def __init__(self, config: BCQConfig, make: MakeNetwork, sizes: Sizes) -> None:
-        super().__init__()
-        self.config = config = config.resolved()
+    def __init__(
+        self, config: BCQConfig, make: MakeNetwork, sizes: Sizes, action_std: Tensor | None = None
+    ) -> None:
+        config = config.resolved()
+        super().__init__(action_std, config.standardise_actions)
+        self.config = config
         self.latent_size = config.latent_per_action * sizes.action
         self.decoder = make(sizes.action, self.latent_size)
         self.encoder = make(2 * self.latent_size, sizes.action)
@@ -121,7 +126,7 @@ class BCQ(Algorithm):
         log_std = log_std.clamp(*self.config.log_std)
         latent = mean + log_std.exp() * normal(mean.shape, noise, mean)
         action = torch.tanh(self.decoder(batch.observation, latent).float())
-        error = (action - batch.action).square().mean(-1)  # (B,)
+        error = self.imitation_error(action, batch)
         divergence = -0.5 * (1 + 2 * log_std - mean.square() - (2 * log_std).exp()).mean(-1)  # (B,)
         return weighted_mean(error, batch.weight), weighted_mean(divergence, batch.weight)
 

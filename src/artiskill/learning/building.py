@@ -38,6 +38,7 @@ from artiskill.learning.training_set import (
 )
 
 _UNFINISHED, _REPLAYED = ".unfinished", "replayed"
+_LEAST_ACTION_STD = 0.02  # of full speed: errors of a joint that hardly moves must not count for everything
 _CHUNK_BYTES = 64_000_000  # of clouds that are in memory at once
 _LEAST_STD = 1e-6
 _CLOUD = ("xyz", "rgb", "seg")
@@ -261,6 +262,7 @@ class _Builder:
             point_std=_floats(self._points.std),
             agent_mean=_floats(self._agent.mean),
             agent_std=_floats(self._agent.std),
+            action_std=_floats(action_std(steps)),
             files={name: _listed(self._work / name) for name in (FRAMES, STEPS, TRAJECTORIES)},
             **self._origin.identity,
         )
@@ -279,6 +281,16 @@ def choose_trajectories(file: TrainingFile, count: int | None) -> list[int]:
     rank = [targets[:k].count(target) for k, target in enumerate(targets)]  # within its target
     order = sorted(range(len(solved)), key=lambda k: (rank[k], targets[k]))
     return sorted(solved[k] for k in order[:count])
+
+
+def action_std(steps: np.ndarray) -> np.ndarray:
+    """Return the standard deviation (A,) of the actions that are to be imitated, at least `_LEAST_ACTION_STD`.
+
+    Args:
+        steps: rows of `steps.npy`.
+    """
+    actions = steps["action"][~steps["disturbed"]].astype(np.float64)
+    return np.maximum(actions.std(0), _LEAST_ACTION_STD) if len(actions) else np.ones(steps["action"].shape[1])
 
 
 def _floats(values: np.ndarray) -> tuple[float, ...]:

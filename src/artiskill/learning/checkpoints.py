@@ -49,7 +49,8 @@ def make_algorithm(config: TrainConfig, info: RunInfo) -> Algorithm:
     def make(outputs: int, extra: int) -> nn.Module:
         return make_network(config.network, sizes, statistics, outputs, extra, generator, frame)
 
-    return algorithm_class(config.name)(algorithm_config(config), make, sizes)
+    action_std = torch.from_numpy(statistics.action_std)
+    return algorithm_class(config.name)(algorithm_config(config), make, sizes, action_std)
 
 
 def acting_copy(algorithm: Algorithm) -> Algorithm:

@@ -74,7 +74,8 @@ class Inputs(nn.Module):
     def __init__(self, config: NetworkConfig, statistics: Statistics, frame: str) -> None:
         super().__init__()
         self.config, self.frame = config.input, frame
-        for name, values in zip(Scale._fields, statistics, strict=True):
+        for name in Scale._fields:
+            values = getattr(statistics, name)
             self.register_buffer(name, torch.as_tensor(values, dtype=torch.float32).clone())
 
     def forward(self, observation: Observation) -> Features:

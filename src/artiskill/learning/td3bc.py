@@ -37,6 +37,7 @@ class TD3BCConfig:
     critic_learning_rate: float
     policy_learning_rate: float
     weight_decay: float
+    standardise_actions: bool  # errors count in standard deviations of the demonstrations
     gamma: float  # discount per step
     tau: float  # share of the way that targets go per step of the policy
     reward_scale: float  # rewards are multiplied by it
@@ -62,6 +63,7 @@ class TD3BCConfig:
             critic_learning_rate=5e-4,
             policy_learning_rate=3e-4,
             weight_decay=5e-6,
+            standardise_actions=False,
             reward_scale=1.0,
             largest_value=None,
             compat="none",
@@ -74,9 +76,12 @@ class TD3BC(Algorithm):
     Config = TD3BCConfig
     needs_next = True
 
-    def __init__(self, config: TD3BCConfig, make: MakeNetwork, sizes: Sizes) -> None:
-        super().__init__()
-        self.config = config = config.resolved()
+    def __init__(
+        self, config: TD3BCConfig, make: MakeNetwork, sizes: Sizes, action_std: Tensor | None = None
+    ) -> None:
+        config = config.resolved()
+        super().__init__(action_std, config.standardise_actions)
+        self.config = config
         self.policy = make(sizes.action, 0)  # first, so that it has the weights that BC's has
         self.critics = nn.ModuleList(make(1, sizes.action) for _ in range(2))
         self.policy_target = Target(self.policy)
@@ -140,7 +145,7 @@ class TD3BC(Algorithm):
 
         Where a demonstration was disturbed neither counts: nothing would hold the policy near known actions.
         """
-        error = (action - batch.action).square().mean(-1)  # (B,)
+        error = self.imitation_error(action, batch)
         imitation = weighted_mean(error, batch.weight)
         if self.config.alpha == 0:
             return imitation, torch.zeros_like(imitation)

@@ -70,10 +70,11 @@ class SetManifest:
     trajectories: int  # number of them
     steps: int
     frames: int
-    point_mean: tuple[float, ...]  # these four: see `Statistics`
+    point_mean: tuple[float, ...]  # these five: see `Statistics`
     point_std: tuple[float, ...]
     agent_mean: tuple[float, ...]
     agent_std: tuple[float, ...]
+    action_std: tuple[float, ...]
     options: dict[str, Any]  # what else it was made with
     settings: dict[str, Any]  # of the training files, see `ReplaySettings`
     sources: dict[str, str]  # SHA-256 of the demonstrations, or of the training files, by name
@@ -84,7 +85,7 @@ class SetManifest:
         """Normalisation."""
         return Statistics(
             *(np.array(one, dtype=np.float32) for one in (self.point_mean, self.point_std)),
-            *(np.array(one, dtype=np.float32) for one in (self.agent_mean, self.agent_std)),
+            *(np.array(one, dtype=np.float32) for one in (self.agent_mean, self.agent_std, self.action_std)),
         )
 
     @property
