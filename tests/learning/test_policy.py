@@ -14,8 +14,7 @@ from tests.learning.tiny_set import SIZES, TASK, tiny_config
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.wrappers import PointCloudDownsample, Sampling
 from artiskill.errors import ArtiSkillError, PolicyError
-from artiskill.evaluation.development import make_develop
-from artiskill.evaluation.evaluate import evaluate
+from artiskill.evaluation.evaluate import evaluate, make_develop
 from artiskill.evaluation.plan import plan_evaluation
 from artiskill.evaluation.policies import load_policy, trained_task
 from artiskill.evaluation.report import Report

@@ -116,7 +116,7 @@ def _development(config: "TrainConfig", workers: int) -> "Callable[[RunInfo], De
     from artiskill.learning.train_config import check_development
 
     try:
-        from artiskill.evaluation.development import make_develop
+        from artiskill.evaluation.evaluate import make_develop
     except ImportError as error:
         print(f"note: {error.name} is not installed, so success cannot be measured here", file=sys.stderr)
         return None

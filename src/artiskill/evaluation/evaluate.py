@@ -5,7 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
-from typing import Any, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -26,6 +27,12 @@ from artiskill.evaluation.report import EpisodeResult, Report, make_report
 from artiskill.jobs.fork_server import fork_server
 from artiskill.jobs.parallel import check_workers, run_jobs
 from artiskill.jobs.worker import Send
+
+if TYPE_CHECKING:  # torch takes seconds to import
+    from artiskill.learning.run import RunInfo
+    from artiskill.learning.stopping import StopSignal
+    from artiskill.learning.train_config import TrainConfig
+    from artiskill.learning.trainer import Develop
 
 OnStep = Callable[[ManipulationEnv, int, bool], None]
 Result = TypeVar("Result")
@@ -220,3 +227,33 @@ def _warm_up(batch: EpisodeBatch) -> None:
     env = batch.make_env()
     env.reset(options={"level": batch.levels[0]})
     env.step(np.zeros(env.action_space.shape or (), np.float32))
+
+
+def make_develop(config: "TrainConfig", objects: Sequence[str], workers: int, info: "RunInfo") -> "Develop":
+    """Return what measures a checkpoint's success on development objects.
+
+    Args:
+        config: of the run.
+        objects: see `check_development`.
+        workers: processes.
+        info: of the run.
+    """
+    wanted = config.development
+
+    def develop(weights: Path, stop: "StopSignal") -> list[tuple[str, int, int]]:
+        def on_episode(result: EpisodeResult) -> None:
+            stop.check()
+
+        report = evaluate(
+            config.task,
+            str(weights),
+            list(objects),
+            wanted.episodes,
+            wanted.first_level,
+            config=info.overrides,
+            workers=workers,
+            on_episode=on_episode,
+        )
+        return [(row.object, row.stats.episodes, row.stats.successes) for row in report.rows]
+
+    return develop

@@ -18,6 +18,7 @@ from torch import Tensor
 from artiskill.errors import RunError
 from artiskill.learning.algorithm import Algorithm
 from artiskill.learning.checkpoints import (
+    Records,
     TrainState,
     acting_copy,
     load_checkpoint,
@@ -27,7 +28,6 @@ from artiskill.learning.checkpoints import (
 )
 from artiskill.learning.loading import BatchLoader
 from artiskill.learning.processes import Processes
-from artiskill.learning.records import Records
 from artiskill.learning.run import BEST, KEPT, LATEST, RunInfo
 from artiskill.learning.stopping import StopSignal
 from artiskill.learning.train_config import TrainConfig
