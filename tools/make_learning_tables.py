@@ -102,7 +102,7 @@ def make_parser() -> argparse.ArgumentParser:
     add("--test-objects", nargs="+", default=["test"], help="of table b (default: test)")
     add("--train-levels", type=int, default=20, help="episodes on each training object (default: %(default)s)")
     add("--test-levels", type=int, default=50, help="episodes on each test object (default: %(default)s)")
-    add("--frame", default="world", help="of the points (default: %(default)s)")
+    add("--frame", default="robot", help="of the points (default: %(default)s)")
     add("--device", default="auto", help="auto, cpu or cuda (default: %(default)s)")
     add("--precision", default="float32", help="float32 or bfloat16 (default: %(default)s)")
     add("--threads", type=int, help="of training on a CPU (default: one per core)")

@@ -16,6 +16,7 @@ PLAIN = {
     "masks": False,
     "state_per_point": False,
     "state_in_head": True,
+    "velocities": True,
     "extents": False,
 }
 POINT_W, POINT_ROBOT, POINT_HAND = [0.0, 3.0, 1.0], [1.0, 1.0, 1.0], [0.0, 1.0, 0.4]
@@ -129,3 +130,18 @@ def test_sizes(frame: str, agent: int) -> None:
     sizes = feature_sizes(InputConfig(**{**PLAIN, **changes}), masks=3, agent=agent, frame=frame)
     assert sizes == (seen.points.shape[2], seen.state.shape[1])
     assert {part.dtype for part in seen[:3]} == {np.dtype(np.float32)}
+
+
+@pytest.mark.parametrize(
+    ("size", "kept"), [(38, [*range(6), *range(12, 15), *range(18, 28)]), (68, None), (5, None)]
+)
+def test_velocities_are_left_out(size: int, kept: list[int] | None) -> None:
+    """Fingertips, base, joints: positions, then velocities, as docs/tasks has them. Another state is kept."""
+    if kept is None:
+        kept = [*range(12), *range(24, 27), *range(30, 49)] if size == 68 else list(range(5))
+    agent = np.arange(size, dtype=np.float32)[None] / 10
+    config = InputConfig(frames=("cloud",), **(PLAIN | {"velocities": False}))
+    scale = Scale(np.zeros(3), np.ones(3), np.zeros(size, np.float32), np.ones(size, np.float32))
+    state = make_features(observe([[0, 0, 0]], agent=agent), config, scale).state[0]
+    np.testing.assert_array_equal(state[: len(kept)], agent[0, kept])
+    assert len(state) == len(kept) + 3, "the cloud's mean is the rest"

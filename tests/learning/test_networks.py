@@ -126,8 +126,8 @@ def test_parameter_counts() -> None:
     assert counts["pointnet_transformer"] == (
         5 * each + layer(state, 256) + layer(256, 256) + 6 * block + attention + 2 * 256 + head
     )
-    extents, places = 4 * 3 * 3, 3 + 2 + 2
-    inputs = 256 + state + places + 2 * extents
+    extents, places, velocities = 4 * 3 * 3, 3 + 2 + 2, 6 + 3 + 10
+    inputs = 256 + state - velocities + places + 2 * extents
     points = layer(3 * 3 + 3 + 3, 64) + layer(64, 128) + layer(128, 256) + 2 * 256
     assert counts["small"] == points + layer(inputs, 512) + 2 * 512 + layer(512, 256) + 2 * 256 + layer(256, 13)
 

@@ -52,10 +52,12 @@ import json, os, pathlib, sys
 command = sys.argv[3:]
 with open({log!r}, "a") as log:
     log.write(" ".join(command) + "\\n")
-if command[0] == os.environ.get("FAILS"):
-    sys.exit(2)
 folder = pathlib.Path(command[command.index("--out") + 1])
 folder.mkdir(parents=True, exist_ok=True)
+if command[0] == os.environ.get("FAILS"):
+    sys.exit(2)
+if command[0] == "training-set":
+    (folder / "manifest.json").write_text('{{"format": "artiskill-training-set"}}')
 if command[0] == "train":
     (folder / "metrics.csv").write_text("step,seconds\\n10,30.0\\n")
 if command[0] == "evaluate":

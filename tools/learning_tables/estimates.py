@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from artiskill.files import parse_json, read_bytes
 from artiskill.jobs.parallel import available_cores
+from artiskill.learning.training_set import is_training_set
 from learning_tables.cells import Cell, Method, Resources, Settings, place_of
 
 # samples per second of a core, as docs/training_runs.md has them
@@ -79,7 +80,9 @@ class Estimator:
         episodes = sum(cell.episodes(settings, split) for split in left)
         act_s = ACT_S[cell.method.network] * (BCQ_ACT if cell.method.algorithm == "bcq" else 1.0)
         measuring = episodes * LENGTH * (STEP_S + act_s) / workers
-        data = 0.0 if place.data.is_dir() or not training else self._demonstrations(cell) * DEMO_S / workers
+        data = (
+            0.0 if is_training_set(place.data) or not training else self._demonstrations(cell) * DEMO_S / workers
+        )
         return Estimate(data / 60, training / 60, measuring / 60, bool(known))
 
     def _rate(self, method: Method) -> float:

@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from artiskill.files import atomic_write
+from artiskill.learning.training_set import is_training_set
 from learning_tables.cells import (
     COLLECT,
     EVALUATE,
@@ -87,7 +88,7 @@ class Queue:
         """
         place = place_of(cell, self._work)
         common = cell, self._settings, place, self._resources
-        if COLLECT in self._stages and not place.data.is_dir() and not place.trained.is_file():
+        if COLLECT in self._stages and not is_training_set(place.data) and not place.trained.is_file():
             self._call(collect_command(*common), (0, SHORT))
             self._call(set_command(*common))
         if TRAIN in self._stages and not place.trained.is_file():

@@ -58,6 +58,8 @@ def make_features(observation: Any, config: InputConfig, scale: Scale, frame: st
     present = real * xp.ones_like(points[..., :1])  # (B, N, 1) float32
     mean = points.sum(1) / present.sum(1).clip(1)
     agent = ((observation.agent - scale.agent_mean) / scale.agent_std).clip(-_STATE_LIMIT, _STATE_LIMIT)
+    if not config.velocities:
+        agent = _without_velocities(xp, agent)
     state = [agent, (mean - scale.point_mean) / scale.point_std]
     coordinates = {"cloud": points - mean[:, None]}
     if frame == "end_effector":
@@ -93,6 +95,16 @@ class _Arrays(NamedTuple):
     masks: np.ndarray
     valid: np.ndarray
     agent: np.ndarray
+
+
+def _without_velocities(xp: Any, agent: Any) -> Any:
+    """Return a robot's state (B, S) without the velocities of fingertips, base and joints, if it is ours."""
+    if agent.shape[1] not in HANDS:
+        return agent
+    tips = 6 * HANDS[agent.shape[1]]  # numbers of all fingertips' positions, and of their velocities
+    joints = 2 * tips + 6  # base: three positions, three velocities
+    end = (joints + agent.shape[1]) // 2
+    return xp.concatenate((agent[:, :tips], agent[:, 2 * tips : 2 * tips + 3], agent[:, joints:end]), 1)
 
 
 def _robot_coordinates(xp: Any, points: Any, agent: Any, frame: str, state: list[Any]) -> dict[str, Any]:

@@ -29,6 +29,7 @@ class InputConfig:
     state_per_point: bool  # the cloud's mean and the robot's state at every point
     state_in_head: bool  # the same beside the pooled features
     extents: bool  # mean, least and greatest coordinates of each mask, and of the points in none, with the state
+    velocities: bool  # those in the robot's state; they tell the last action, which a policy then copies
     blind_to_robot: bool = False  # the last of several masks, the robot's, is empty
 
     def __post_init__(self) -> None:

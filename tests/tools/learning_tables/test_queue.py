@@ -45,6 +45,18 @@ def test_a_cell_goes_on_where_it_was_stopped(
     assert called() == []
 
 
+def test_a_training_set_that_was_not_finished_is_made(
+    tmp_path: Path, settings: Settings, called: Callable[[], list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FAILS", "training-set")
+    with pytest.raises(CommandError, match="artiskill training-set"):
+        run(tmp_path / "work", settings)
+    assert verbs(called()) == ALL[:2]
+    monkeypatch.delenv("FAILS")
+    run(tmp_path / "work", settings)
+    assert verbs(called()) == ALL
+
+
 def test_stages_may_be_done_on_several_machines(
     tmp_path: Path, settings: Settings, called: Callable[[], list[str]]
 ) -> None:
