@@ -1,5 +1,6 @@
 """Every fault of a solution file: one clear line that says what, where, and what would be legal."""
 
+import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -129,7 +130,9 @@ def test_faults_of_an_action(solution: Write, returns: str, says: tuple[str, ...
     assert "raised" in message or "an action is 13 finite numbers in [-1, 1]" in message
 
 
-def test_ctrl_c_in_a_solution_is_not_its_fault(solution: Write) -> None:
+def test_ctrl_c_in_a_solution_is_not_its_fault(solution: Write, monkeypatch: pytest.MonkeyPatch) -> None:
+    # a shell that starts the tests in the background has it ignored, and no Ctrl-C reaches them
+    monkeypatch.setattr("signal.getsignal", lambda number: signal.default_int_handler)
     with pytest.raises(KeyboardInterrupt):
         begin(solution("def policy(o):\n    raise KeyboardInterrupt\n")).act(None, (13,))
 
