@@ -1,5 +1,6 @@
 """What generators share: random streams, families, and objects of a family of one's own."""
 
+import inspect
 from dataclasses import fields, replace
 from importlib import import_module
 
@@ -92,8 +93,8 @@ def test_help_names_every_field_of_a_family_and_every_legal_form(category: Categ
     module = import_module(f"{GENERATORS[category]}.config")
     config = getattr(module, f"{category.capitalize()}FamilyConfig")
     families = import_module(GENERATORS[category]).GENERATOR.default_config().families
-    told = [line for line in config.__doc__.splitlines() if line.startswith("        ")]
-    named = [line.split(":")[0].strip() for line in told if not line.startswith(" " * 12)]
+    told = [line for line in inspect.getdoc(config).splitlines() if line.startswith(" " * 4)]
+    named = [line.split(":")[0].strip() for line in told if not line.startswith(" " * 8)]
     assert named == [field.name for field in fields(config)]
     drawn = {form for family in families for one in fields(family) for form in forms_of(getattr(family, one.name))}
     assert not [form for form in drawn - set(COLOUR_SCHEMES) if f"`{form}`" not in config.__doc__]
