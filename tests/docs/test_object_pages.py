@@ -30,8 +30,9 @@ def test_the_own_object_passes_the_checks(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
-    making, using, _ = blocks("own_objects.md", "python")
-    exec(compile(making, "own_objects.md", "exec"), names)
+    making, bucket, using, _ = blocks("own_objects.md", "python")
+    for block in (making, bucket):
+        exec(compile(block, "own_objects.md", "exec"), names)
     mine = names["mine"]
     assert isinstance(mine, ArticulatedObject)
     assert mine.id in capsys.readouterr().out
