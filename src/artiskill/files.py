@@ -7,6 +7,7 @@ an error of its own kind, with the file's name.
 
 import errno
 import fcntl
+import hashlib
 import io
 import json
 import os
@@ -78,6 +79,16 @@ def open_regular(path: Path | str) -> io.BufferedReader:
     except BaseException:
         os.close(handle)
         raise
+
+
+def file_sha256(path: Path | str) -> str:
+    """Return the SHA-256 of a regular file's bytes.
+
+    Raises:
+        OSError: it cannot be read, or is none.
+    """
+    with open_regular(path) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def read_bytes(path: Path | str, most_bytes: int = _MOST_BYTES) -> bytes:

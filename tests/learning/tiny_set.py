@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from artiskill.files import file_sha256
 from artiskill.learning.batch import Sizes
 from artiskill.learning.observation import ObservationLayout
 from artiskill.learning.train_config import TrainConfig, load_train_config
@@ -17,7 +18,6 @@ from artiskill.learning.training_set import (
     TRAJECTORY_TYPE,
     SetFile,
     SetManifest,
-    file_sha256,
     manifest_text,
     step_type,
 )

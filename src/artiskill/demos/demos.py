@@ -1,6 +1,5 @@
 """`Demos`: a folder of demonstrations, open for reading; its `manifest.json`, and what is not finished in it."""
 
-import hashlib
 import json
 import logging
 import os
@@ -17,7 +16,7 @@ from artiskill.demos.file_format import DEMONSTRATIONS, FileFormat, TargetCount
 from artiskill.demos.hdf5 import checked_path
 from artiskill.demos.settings import Settings
 from artiskill.errors import ConfigError, DemoError, UnknownNameError, check_name
-from artiskill.files import atomic_write, is_file, open_regular, parse_json, read_bytes
+from artiskill.files import atomic_write, file_sha256, is_file, parse_json, read_bytes
 from artiskill.tasks.registry import task_names
 
 MANIFEST = "manifest.json"
@@ -140,8 +139,7 @@ def sha256_of(path: Path) -> str:
         DemoError: it cannot be read.
     """
     try:
-        with open_regular(path) as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
+        return file_sha256(path)
     except OSError as error:
         raise DemoError(f"cannot read {str(path)!r}: {error.strerror or error}") from error
 

@@ -122,6 +122,33 @@ class Algorithm(nn.Module, ABC):
         return self
 
 
+class QLearning(Algorithm):
+    """An algorithm with critics: networks of an observation and an action, which say what that is worth.
+
+    Attributes:
+        config: values, `gamma`, `reward_scale` and `largest_value` among them.
+        critics: two of them.
+    """
+
+    needs_next = True
+    config: Any
+    critics: nn.ModuleList
+
+    def bootstrap(self, batch: Batch, following: Tensor) -> Tensor:
+        """Return (B,) what steps are worth, given the values (B,) of what may follow them."""
+        if self.config.largest_value is not None:
+            following = following.clamp(max=self.config.largest_value)
+        return self.config.reward_scale * batch.reward + self.config.gamma * (1 - batch.terminated) * following
+
+    def critic_loss(self, batch: Batch, wanted: Tensor) -> tuple[Tensor, Tensor]:
+        """Return both critics' mean squared errors, summed, and the first one's mean value.
+
+        Disturbed steps count, too: what the demonstration did then has an outcome like any other action.
+        """
+        values = [critic(batch.observation, batch.action).float().squeeze(-1) for critic in self.critics]
+        return sum((value - wanted).square().mean() for value in values), values[0].mean()
+
+
 class Target(nn.Module):
     """A copy of a network that follows it slowly; no gradient reaches it."""
 

@@ -52,6 +52,5 @@ class Statistics(NamedTuple):
     point_std: np.ndarray  # (3,) float32, > 0
     agent_mean: np.ndarray  # (S,) float32
     agent_std: np.ndarray  # (S,) float32, > 0; 1 where an entry never changes
-    action_std: np.ndarray = np.ones(
-        (), np.float32
-    )  # (A,) float32, > 0, of the actions to imitate; () for all alike
+    # (A,) float32, > 0, of the actions to imitate; () for all alike
+    action_std: np.ndarray = np.ones((), np.float32)

@@ -15,9 +15,9 @@ from torch import Tensor, nn
 
 from artiskill.config import check_inside, check_not_negative, check_positive, check_range, check_value
 from artiskill.learning.algorithm import (
-    Algorithm,
     Autocast,
     MakeNetwork,
+    QLearning,
     Sync,
     Target,
     adam,
@@ -76,11 +76,10 @@ class BCQConfig:
         )
 
 
-class BCQ(Algorithm):
+class BCQ(QLearning):
     """The best action that demonstrations might take."""
 
     Config = BCQConfig
-    needs_next = True
 
     def __init__(
         self, config: BCQConfig, make: MakeNetwork, sizes: Sizes, action_std: Tensor | None = None
@@ -145,17 +144,7 @@ class BCQ(Algorithm):
         lower, higher = torch.minimum(*values), torch.maximum(*values)
         weight = self.config.min_weight
         best = (weight * lower + (1 - weight) * higher).amax(-1)  # (B,)
-        if self.config.largest_value is not None:
-            best = best.clamp(max=self.config.largest_value)
-        return self.config.reward_scale * batch.reward + self.config.gamma * (1 - batch.terminated) * best
-
-    def critic_loss(self, batch: Batch, wanted: Tensor) -> tuple[Tensor, Tensor]:
-        """Return both critics' mean squared errors, summed, and the first one's mean value.
-
-        Disturbed steps count, too: what the demonstration did then has an outcome like any other action.
-        """
-        values = [critic(batch.observation, batch.action).float().squeeze(-1) for critic in self.critics]
-        return sum((value - wanted).square().mean() for value in values), values[0].mean()
+        return self.bootstrap(batch, best)
 
     def choose(self, observation: Observation) -> Tensor:
         """Return, of the actions that the fixed latents stand for, those that the first critic likes best."""

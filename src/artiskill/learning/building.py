@@ -19,7 +19,7 @@ from artiskill.demos.file_format import TRAINING
 from artiskill.demos.hdf5 import check_finite, check_forms, reading
 from artiskill.demos.training_file import TrainingFile, TrainingFiles
 from artiskill.errors import DemoError
-from artiskill.files import atomic_write, lock_folder, output_path
+from artiskill.files import atomic_write, file_sha256, lock_folder, output_path
 from artiskill.learning.batch import Sizes
 from artiskill.learning.observation import ObservationLayout
 from artiskill.learning.set_sources import OnProgress, SetOptions, SetSource, Thinner, find_source, sampling_values
@@ -32,7 +32,6 @@ from artiskill.learning.training_set import (
     SetFile,
     SetManifest,
     TrainingSet,
-    file_sha256,
     manifest_text,
     step_type,
 )

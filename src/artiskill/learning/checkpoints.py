@@ -98,9 +98,9 @@ def load_checkpoint(path: Path, algorithm: Algorithm, average: Algorithm | None)
     """
     content = _read(path)
     try:
-        _load_weights(algorithm, content["weights"])
+        algorithm.load_state_dict(content["weights"])
         if average is not None:
-            _load_weights(average, content["average"])
+            average.load_state_dict(content["average"])
         for name, optimizer in algorithm.optimizers.items():
             optimizer.load_state_dict(content["optimizers"][name])
         return TrainState(**content["state"])
@@ -116,13 +116,9 @@ def load_weights(path: Path, algorithm: Algorithm) -> None:
     """
     content = _read(path)
     try:
-        _load_weights(algorithm, content["average"] or content["weights"])
+        algorithm.load_state_dict(content["average"] or content["weights"])
     except (RuntimeError, LookupError, TypeError) as error:
         raise RunError(f"{str(path)!r} does not fit the run: {' '.join(str(error).split())}") from error
-
-
-def _load_weights(algorithm: Algorithm, weights: Mapping[str, Any]) -> None:
-    algorithm.load_state_dict(weights)
 
 
 def _write(path: Path, content: dict[str, Any]) -> None:

@@ -69,9 +69,8 @@ class NetworkConfig:
     head_norm: bool  # LayerNorm in each of them
     zero_output: bool  # the last layer begins with zeros
     transformer: TransformerConfig | None = None
-    compat: Literal["none", "paper2021"] = (
-        "none"  # some values as in the code of the ManiSkill paper, see `resolved`
-    )
+    # some values as in the code of the ManiSkill paper, see `resolved`
+    compat: Literal["none", "paper2021"] = "none"
 
     def __post_init__(self) -> None:
         for name in ("point_layers", "head"):

@@ -13,7 +13,6 @@
 """
 
 import csv
-import hashlib
 import io
 import json
 import os
@@ -25,14 +24,13 @@ from typing import Any
 
 from artiskill.config import from_mapping, to_mapping
 from artiskill.errors import ArtiSkillError, MissingExtraError, PolicyError, RunError, shown
-from artiskill.files import atomic_write, is_file, open_regular, parse_json, read_bytes, read_text
+from artiskill.files import atomic_write, file_sha256, is_file, parse_json, read_bytes, read_text
 
 FORMAT, VERSION = "artiskill-run", 1
 CONFIG, INFO, METRICS, DEVELOPMENT = "config.yaml", "run.json", "metrics.csv", "development.csv"
 TENSORBOARD, SET = "tensorboard", "set"
 LATEST, BEST = Path("checkpoints/latest.pt"), Path("checkpoints/best.pt")
 KEPT = "what was saved before is kept: the same command goes on from there"
-_CHUNK = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -119,14 +117,11 @@ def weights_digest(run: Path | str) -> str:
     Raises:
         PolicyError: there are none, or they cannot be read.
     """
-    digest, path = hashlib.sha256(), weights_file(run)
+    path = weights_file(run)
     try:
-        with open_regular(path) as file:
-            while chunk := file.read(_CHUNK):
-                digest.update(chunk)
+        return file_sha256(path)
     except OSError as error:
         raise PolicyError(f"cannot read {str(path)!r}: {error.strerror}") from error
-    return digest.hexdigest()
 
 
 def load_run(run: Path | str) -> Any:
@@ -185,10 +180,8 @@ class Table:
         self._path = path
         try:
             text = read_text(path)
-            with io.StringIO(
-                text[: text.rfind("\n") + 1], newline=""
-            ) as file:  # a killed run may leave half a row
-                found = list(csv.DictReader(file))
+            whole = text[: text.rfind("\n") + 1]  # a killed run may leave half a row
+            found = list(csv.DictReader(io.StringIO(whole, newline="")))
             self.rows: list[dict[str, Any]] = [row for row in found if int(row["step"]) <= until]
         except FileNotFoundError:
             self.rows = []

@@ -15,9 +15,9 @@ from torch import Tensor, nn
 
 from artiskill.config import check_not_negative, check_positive, check_value
 from artiskill.learning.algorithm import (
-    Algorithm,
     Autocast,
     MakeNetwork,
+    QLearning,
     Sync,
     Target,
     adam,
@@ -70,11 +70,10 @@ class TD3BCConfig:
         )
 
 
-class TD3BC(Algorithm):
+class TD3BC(QLearning):
     """A policy between the demonstrations' actions and better ones."""
 
     Config = TD3BCConfig
-    needs_next = True
 
     def __init__(
         self, config: TD3BCConfig, make: MakeNetwork, sizes: Sizes, action_std: Tensor | None = None
@@ -128,17 +127,7 @@ class TD3BC(Algorithm):
         action = action.clamp(-1, 1)
         values = [target.network(observation, action).float().squeeze(-1) for target in self.critic_targets]
         lower = torch.minimum(*values)  # (B,)
-        if self.config.largest_value is not None:
-            lower = lower.clamp(max=self.config.largest_value)
-        return self.config.reward_scale * batch.reward + self.config.gamma * (1 - batch.terminated) * lower
-
-    def critic_loss(self, batch: Batch, wanted: Tensor) -> tuple[Tensor, Tensor]:
-        """Return both critics' mean squared errors, summed, and the first one's mean value.
-
-        Disturbed steps count, too: what the demonstration did then has an outcome like any other action.
-        """
-        values = [critic(batch.observation, batch.action).float().squeeze(-1) for critic in self.critics]
-        return sum((value - wanted).square().mean() for value in values), values[0].mean()
+        return self.bootstrap(batch, lower)
 
     def policy_losses(self, batch: Batch, action: Tensor) -> tuple[Tensor, Tensor]:
         """Return the squared error of the policy's actions (B, A), and minus their value, normalised by its size.

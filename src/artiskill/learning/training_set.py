@@ -23,7 +23,7 @@ import numpy as np
 
 from artiskill.config import from_mapping, to_mapping
 from artiskill.errors import ConfigError, DemoError, shown
-from artiskill.files import check_path, is_file, open_regular, parse_json, read_bytes
+from artiskill.files import check_path, file_sha256, is_file, parse_json, read_bytes
 from artiskill.learning.batch import Sizes, Statistics
 from artiskill.learning.observation import MOST_MASKS, ObservationLayout
 
@@ -285,12 +285,6 @@ def _check_set_file(path: Path, listed: SetFile, checksum: bool) -> None:
         )
     if checksum and file_sha256(path) != listed.sha256:
         raise DemoError(f"{str(path)!r} was changed or damaged since it was written: its SHA-256 is another one")
-
-
-def file_sha256(path: Path) -> str:
-    """Return the SHA-256 of a file's bytes."""
-    with open_regular(path) as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def is_training_set(folder: Path | str) -> bool:
