@@ -1,18 +1,19 @@
 """Differential inverse kinematics of the whole robot: base, lift and arms follow twists of the hands.
 
 A damped least-squares problem with bounds: follow the twists, prefer a posture, stay within velocity and position
-limits. Everything it needs, joint axes included, stands in the snapshot.
+limits. Everything it needs, joint axes included, is the robot's own state.
 """
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from artiskill.config import check_not_negative, check_positive
 from artiskill.envs.control import ActionScale, action_scale
+from artiskill.geometry.arrays import Array
 from artiskill.robots.arm_config import load_arm
 from artiskill.robots.config import RobotConfig
-from artiskill.sim.snapshot import Snapshot
 
 TRUNK = 4  # base x, y and yaw; then the lift; then the arms' joints
 _BASE = 3
@@ -35,6 +36,34 @@ class WholeBodyConfig:
     def __post_init__(self) -> None:
         check_positive(self, "rotation_weight_m", "base_damping", "yaw_damping", "lift_damping", "arm_damping")
         check_not_negative(self, "limit_margin_rad")
+
+
+class RobotState(Protocol):
+    """What inverse kinematics needs of the robot, B = 1, as in `Snapshot`; R joints, arms with a tool each."""
+
+    @property
+    def step_s(self) -> float:
+        """Duration of one environment step."""
+
+    @property
+    def robot_qpos(self) -> Array:
+        """(1, R)."""
+
+    @property
+    def robot_joint_anchor_w(self) -> Array:
+        """(1, R, 3)."""
+
+    @property
+    def robot_joint_axis_w(self) -> Array:
+        """(1, R, 3)."""
+
+    @property
+    def tool_position_w(self) -> Array:
+        """(1, arms, 3)."""
+
+    @property
+    def tool_rotation_w(self) -> Array:
+        """(1, arms, 3, 3)."""
 
 
 class WholeBodyController:
@@ -72,16 +101,16 @@ class WholeBodyController:
         self._damping = np.array(trunk + [config.arm_damping] * (arms * self.arm_joints))
         self._drive_damping = robot.drives.arm_damping
 
-    def qpos(self, snapshot: Snapshot) -> np.ndarray:
+    def qpos(self, state: RobotState) -> np.ndarray:
         """Return where the n joints are (B = 1), (n,)."""
-        found: np.ndarray = snapshot.robot_qpos[0, self.columns]
+        found: np.ndarray = state.robot_qpos[0, self.columns]
         return found
 
-    def joint_velocities(self, snapshot: Snapshot, twists_w: np.ndarray, posture_qvel: np.ndarray) -> np.ndarray:
+    def joint_velocities(self, state: RobotState, twists_w: np.ndarray, posture_qvel: np.ndarray) -> np.ndarray:
         """Joint velocities that make every hand follow its twist.
 
         Args:
-            snapshot: one environment (B = 1).
+            state: of one environment (B = 1).
             twists_w: (A, 6) linear (m/s) and angular (rad/s) velocity of each tool's centre, world frame.
             posture_qvel: (n,) joint velocities preferred where the twists leave a choice.
 
@@ -89,36 +118,36 @@ class WholeBodyController:
             (n,) velocities within speed and position limits.
         """
         weights = np.tile(np.repeat((1.0, self.config.rotation_weight_m), 3), len(self._arms))
-        matrix = np.concatenate((self.jacobian(snapshot) * weights[:, None], np.diag(self._damping)))
+        matrix = np.concatenate((self.jacobian(state) * weights[:, None], np.diag(self._damping)))
         target = np.concatenate((twists_w.reshape(-1) * weights, self._damping * posture_qvel))
-        qpos = self.qpos(snapshot)
-        lower = np.maximum(-self._max_speed, (self._limits[:, 0] - qpos) / snapshot.step_s)
-        upper = np.minimum(self._max_speed, (self._limits[:, 1] - qpos) / snapshot.step_s)
+        qpos = self.qpos(state)
+        lower = np.maximum(-self._max_speed, (self._limits[:, 0] - qpos) / state.step_s)
+        upper = np.minimum(self._max_speed, (self._limits[:, 1] - qpos) / state.step_s)
         return bounded_least_squares(matrix, target, np.minimum(lower, 0.0), np.maximum(upper, 0.0))
 
-    def pushing_velocities(self, snapshot: Snapshot, forces_w: np.ndarray) -> np.ndarray:
+    def pushing_velocities(self, state: RobotState, forces_w: np.ndarray) -> np.ndarray:
         """Return what to add to joint velocities so that hands that are held up push with given forces.
 
         A drive's torque is its damping times the velocity that is missing; so the arms' joints are asked for J' F
         over the damping more. Forces that cancel leave the trunk alone.
 
         Args:
-            snapshot: one environment.
+            state: of one environment.
             forces_w: (A, 3) of each hand on what it touches, N, world frame.
 
         Returns:
             (n,) velocities, 0 for the trunk.
         """
-        linear = self.jacobian(snapshot).reshape(len(self._arms), 6, -1)[:, :3]  # (A, 3, n)
+        linear = self.jacobian(state).reshape(len(self._arms), 6, -1)[:, :3]  # (A, 3, n)
         push = np.einsum("ain,ai->n", linear, forces_w) / self._drive_damping
         push[:TRUNK] = 0.0
         return push
 
-    def to_action(self, snapshot: Snapshot, qvel: np.ndarray, finger_position_m: np.ndarray) -> np.ndarray:
+    def to_action(self, state: RobotState, qvel: np.ndarray, finger_position_m: np.ndarray) -> np.ndarray:
         """Return the action that asks for joint velocities and finger positions.
 
         Args:
-            snapshot: one environment.
+            state: of one environment.
             qvel: (n,) as `joint_velocities` returns them.
             finger_position_m: (A, 2) of each hand's fingers, 0 (closed) to 0.04.
 
@@ -126,25 +155,25 @@ class WholeBodyController:
             (R,) action; joints of an arm that is not moved rest, its fingers stay where they are.
         """
         targets = np.zeros_like(self.scale.center)
-        targets[-_FINGERS:] = snapshot.robot_qpos[0, -_FINGERS:]
+        targets[-_FINGERS:] = state.robot_qpos[0, -_FINGERS:]
         targets[self.columns] = qvel
-        cos, sin = np.cos(snapshot.robot_qpos[0, 2]), np.sin(snapshot.robot_qpos[0, 2])
+        cos, sin = np.cos(state.robot_qpos[0, 2]), np.sin(state.robot_qpos[0, 2])
         targets[0], targets[1] = cos * qvel[0] + sin * qvel[1], -sin * qvel[0] + cos * qvel[1]
         targets[self._finger_columns] = finger_position_m
         return self.scale.to_actions(targets)
 
-    def closing_m(self, snapshot: Snapshot, speed_m_s: float) -> np.ndarray:
+    def closing_m(self, state: RobotState, speed_m_s: float) -> np.ndarray:
         """Return positions to ask the fingers for that close them at this speed, (A, 2), with B = 1."""
-        fingers = snapshot.robot_qpos[0, self._finger_columns]
-        return np.maximum(fingers - speed_m_s * snapshot.step_s, 0.0)
+        fingers = state.robot_qpos[0, self._finger_columns]
+        return np.maximum(fingers - speed_m_s * state.step_s, 0.0)
 
-    def jacobian(self, snapshot: Snapshot) -> np.ndarray:
+    def jacobian(self, state: RobotState) -> np.ndarray:
         """Geometric Jacobian of the tools' centres, (6 A, n); of each, linear rows first."""
-        axis = snapshot.robot_joint_axis_w[0, self.columns]
-        anchor = snapshot.robot_joint_anchor_w[0, self.columns]
+        axis = state.robot_joint_axis_w[0, self.columns]
+        anchor = state.robot_joint_anchor_w[0, self.columns]
         parts = []
         for arm in range(len(self._arms)):
-            linear, angular = np.cross(axis, snapshot.tool_position_w[0, arm] - anchor), axis.copy()
+            linear, angular = np.cross(axis, state.tool_position_w[0, arm] - anchor), axis.copy()
             linear[_SLIDES], angular[_SLIDES] = axis[_SLIDES], 0.0
             for other in self._arms[:arm] + self._arms[arm + 1 :]:
                 linear[other], angular[other] = 0.0, 0.0
