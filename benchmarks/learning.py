@@ -5,9 +5,9 @@ keeps of the set's files in memory is dropped whenever so much of it has been re
 printed beside. The set is the demonstration pack's drawers, again and again.
 
 `training`: samples per core-second, one thread, of every network with every algorithm, on random clouds of 256
-points for `small` and of 1,200 for the others; processor time, everything of a step but reading. `acting`:
-milliseconds of processor time for one observation, with torch and by an exported file. Of several rounds the best
-counts: other work on the machine only slows.
+points for the small networks and of 1,200 for the others; processor time, everything of a step but reading.
+`acting`: milliseconds of processor time for one observation, with torch and by an exported file. Of several rounds
+the best counts: other work on the machine only slows.
 
     python benchmarks/learning.py reading --memory-mb 300 --points 256 --batch-size 128
     python benchmarks/learning.py training acting --networks small
@@ -126,7 +126,7 @@ def report_reading(
 
 TASK = "OpenCabinetDrawer"
 MASKS, AGENT, ACTION = 3, 38, 13  # of its observations and actions
-POINTS = {"small": 256}
+POINTS = {"small": 256, "small_transformer": 256}
 PAPERS_POINTS = 1200
 
 

@@ -44,6 +44,7 @@ TABLE = Path("data", "learning.csv")  # beside the page
 BEGIN, END = "<!-- made by tools/make_learning_tables.py -->", "<!-- end of what was made -->"
 SCHEDULE = ("10:2000", "30:4000", "100:10000", "300:20000", "1000:40000")  # the paper's
 SAMPLES_B = 2_560_000  # 20,000 batches of 128; the paper's BC had 19,200,000
+SMALL = ["small", "small_transformer"]  # networks that two cores can train
 PARTS = {  # of settings, each kept in a file of its own
     "shared": ("batch_size", "frame"),
     A: ("drawer", "schedule", "scale", "episodes"),
@@ -80,7 +81,7 @@ def make_parser() -> argparse.ArgumentParser:
     add("--only", choices=(A, B), help="one drawer, or four tasks (default: both)")
     add("--cells", nargs="+", metavar="CELL", help="names as --list prints them, * allowed")
     add("--tasks", nargs="+", choices=TASKS, default=TASKS, metavar="TASK", help="of table b (default: all four)")
-    add("--networks", nargs="+", choices=POINTS, default=["small"], help="(default: small)")
+    add("--networks", nargs="+", choices=POINTS, default=SMALL, help="(default: the small ones)")
     add("--seeds", nargs="+", type=int, default=[0], help="(default: 0)")
     add(
         "--stages",

@@ -130,6 +130,22 @@ def test_a_policy_sees_the_cloud_that_it_asks_for(solution: Callable[[str], Path
     assert comparable(evaluate(TASK, path, OBJECTS, 1, config=SHORT, workers=2)) == comparable(report)
 
 
+def test_a_policy_sees_by_the_cameras_that_it_asks_for(solution: Callable[[str], Path]) -> None:
+    path = solution(
+        "import numpy as np\n"
+        "class Policy:\n"
+        "    obs_mode, observation_config = 'rgbd', {'cameras.width': 32, 'cameras': {'height': 20}}\n"
+        "    def reset(self, observation, info): pass\n"
+        "    def act(self, observation):\n"
+        "        return np.full(13, observation['rgbd']['rgb'].shape[-3] / observation['rgbd']['rgb'].shape[-2])\n"
+    )
+    report = evaluate(TASK, path, OBJECTS[0], 1, config=SHORT)
+    cameras = report.to_mapping()["config"]["cameras"]
+    assert (cameras["width"], cameras["height"]) == (32, 20)
+    wider = evaluate(TASK, path, OBJECTS[0], 1, config=dict(SHORT) | {"cameras.width": 40})
+    assert wider.to_mapping()["config"]["cameras"]["width"] == 40  # what the caller says comes last
+
+
 def test_objects_of_ones_own() -> None:
     cabinet = artiskill.load_object("generated:8")
     report = evaluate(TASK, "random", [cabinet, "cabinet-0005"], 1, config=SHORT, workers=2)

@@ -1,5 +1,6 @@
 """The run's folder; nothing here needs torch."""
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -33,6 +34,12 @@ INFORMATION = RunInfo(
     steps=10,
     versions={"torch": "2.13.0"},
 )
+
+
+def test_cameras_of_the_demonstrations_are_asked_for() -> None:
+    overrides = {"episode_steps": 90, "cameras": {"width": 64}, "cameras.height": 48, "render.sky": True}
+    asked = dataclasses.replace(INFORMATION, overrides=overrides).observation_config
+    assert asked == {"cameras": {"width": 64}, "cameras.height": 48, "render.sky": True}
 
 
 def test_what_a_run_says_of_itself(tmp_path: Path) -> None:

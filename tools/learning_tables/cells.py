@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 from artiskill.assets.catalog import SPLITS, list_objects, read_catalog, resolve_objects
 from artiskill.errors import check_name
-from artiskill.learning.train_config import check_not_measured
+from artiskill.learning.train_config import ALGORITHMS, check_not_measured
 
 TASKS = ("OpenCabinetDoor", "OpenCabinetDrawer", "PushChair", "MoveBucket")
 DRAWER_TASK = "OpenCabinetDrawer"
 A, B = "a", "b"  # one drawer; four tasks
 SPLITS_OF = {A: ("new",), B: ("train", "test")}  # what is measured in a cell
-POINTS = {"small": 256, "pointnet": 1200, "pointnet_transformer": 1200}
+POINTS = {"small": 256, "small_transformer": 256, "pointnet": 1200, "pointnet_transformer": 1200}
 NEW_LEVEL = 1_000_000  # the first one on objects that were demonstrated, far from the demonstrations' levels
 COLLECT, TRAIN, EVALUATE = STAGES = ("collect", "train", "evaluate")
 
@@ -31,9 +31,10 @@ class Method(NamedTuple):
 
 
 METHODS = (
-    *(Method("small", algorithm) for algorithm in ("bc", "bcq", "td3bc")),
+    *(Method("small", algorithm) for algorithm in ALGORITHMS),
+    *(Method("small_transformer", algorithm) for algorithm in ALGORITHMS),
     Method("pointnet", "bc"),
-    *(Method("pointnet_transformer", algorithm) for algorithm in ("bc", "bcq", "td3bc")),
+    *(Method("pointnet_transformer", algorithm) for algorithm in ALGORITHMS),
 )
 
 

@@ -11,14 +11,15 @@ from learning_tables.cells import Cell, Method, Resources, Settings, place_of
 
 # samples per second of a core, as docs/training_runs.md has them
 CORE_RATES = {
-    "small": {"bc": 1209.0, "bcq": 236.0, "td3bc": 300.0},
+    "small": {"bc": 1301.0, "bcq": 257.0, "td3bc": 355.0},
+    "small_transformer": {"bc": 1580.0, "bcq": 277.0, "td3bc": 384.0},
     "pointnet": {"bc": 204.0, "bcq": 33.0, "td3bc": 43.0},
     "pointnet_transformer": {"bc": 111.0, "bcq": 18.0, "td3bc": 25.0},
 }
 GPU_CORES = 90.0  # a guess: how many cores a GPU is worth, and what reading allows at most
 READING_RATE = 20_000.0
 STEP_S = 0.003  # of an environment with point clouds
-ACT_S = {"small": 0.0012, "pointnet": 0.0035, "pointnet_transformer": 0.0095}
+ACT_S = {"small": 0.0008, "small_transformer": 0.0014, "pointnet": 0.0035, "pointnet_transformer": 0.0095}
 BCQ_ACT = 2.3  # times as long
 LENGTH = 200  # steps of an episode that is not solved
 DEMO_S = 0.6  # to collect a demonstration and replay it, on a core

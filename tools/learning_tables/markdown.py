@@ -11,7 +11,12 @@ from learning_tables.cells import METHODS, POINTS, TASKS, A, B, Method, Settings
 from learning_tables.results import PAPER_A, PAPER_B, PAPER_STEPS, Measured, Result
 
 MISSING = "missing"
-NETWORKS = {"small": "small", "pointnet": "PointNet", "pointnet_transformer": "PointNet+Transformer"}
+NETWORKS = {
+    "small": "small",
+    "small_transformer": "small, Transformer",
+    "pointnet": "PointNet",
+    "pointnet_transformer": "PointNet+Transformer",
+}
 ALGORITHMS = {"bc": "BC", "bcq": "BCQ", "td3bc": "TD3+BC"}
 PAPER = "ManiSkill paper"
 
@@ -91,7 +96,7 @@ def _about_cells(results: Sequence[Result], table: str, columns: int) -> str:
         "No cell is missing." if len(found) == total else f"{total - len(found)} of {total} cells are missing."
     )
     return (
-        f"Clouds have {POINTS['small']} points for the small network, {POINTS['pointnet']:,} for the others. The "
+        f"Clouds have {POINTS['small']} points for the small networks, {POINTS['pointnet']:,} for the others. The "
         "last checkpoint counts. Of several seeds the episodes are added, and ± is the standard deviation "
         f"between seeds. {missing}"
     )

@@ -109,3 +109,34 @@ class ProgressBar:
 
     def _rate(self) -> float:
         return (self._done - self._skipped) / max(time.perf_counter() - self._start, 1e-9)
+
+
+class PhaseBars:
+    """A bar for each phase of long work, one after the other; a context manager that takes the last one away."""
+
+    def __init__(self) -> None:
+        self._phase = ""
+        self._bar: ProgressBar | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def open(self, phase: str, total: int, unit: str) -> ProgressBar:
+        """Show the bar of another phase, and return it."""
+        self.close()
+        self._phase, self._bar = phase, ProgressBar(phase, max(total, 1), unit)
+        return self._bar.__enter__()
+
+    def show(self, phase: str, done: int, total: int) -> None:
+        """Show how many trajectories are done in a phase."""
+        bar = self._bar if self._bar is not None and phase == self._phase else None
+        (bar or self.open(phase, total, "trajectories")).show(done)
+
+    def close(self) -> None:
+        """Take the bar away."""
+        if self._bar is not None:
+            self._bar.__exit__(None, None, None)
+            self._bar = None

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from artiskill.cli.parser import UsageError, add_command, add_set, add_workers, overrides_of, workers_of
-from artiskill.cli.progress import ProgressBar
+from artiskill.cli.progress import PhaseBars, ProgressBar
 
 if TYPE_CHECKING:  # imports that `artiskill --help` must not wait for
     from artiskill.learning.run import RunInfo
@@ -40,7 +40,11 @@ def add_commands(commands: Any) -> None:
     add("--out", type=Path, required=True, metavar="FOLDER", help="folder of the run")
     add("--points", type=int, help="points of a cloud (default: 256, or those of the training set)")
     add("--frame", help="frame of the points: world, robot or end_effector (default: the data's, else world)")
-    add("--network", default="small", help="small, pointnet or pointnet_transformer (default: %(default)s)")
+    add(
+        "--network",
+        default="small",
+        help="small, small_transformer, pointnet or pointnet_transformer (default: %(default)s)",
+    )
     add("--steps", type=int, help="gradient steps (default: 20000)")
     add("--batch-size", type=int, help="samples of a step (default: 128 for bc, else 64)")
     add("--seed", type=int, help="of weights, batches and noise (default: 0)")
@@ -67,7 +71,7 @@ def _run_train(arguments: argparse.Namespace) -> None:
     screen = _Screen(config)
     develop = _development(config, data.workers) if screen.is_first else None
     try:
-        with screen:
+        with screen.bars:
             trainer = train(
                 config,
                 data,
@@ -76,7 +80,7 @@ def _run_train(arguments: argparse.Namespace) -> None:
                 arguments.threads,
                 develop,
                 screen.show_lines,
-                screen.show_set,
+                screen.bars.show,
                 screen.begin,
                 screen.show_step,
             )
@@ -128,28 +132,15 @@ class _Screen:
 
     def __init__(self, config: "TrainConfig") -> None:
         self._config = config
-        self._bar: ProgressBar | None = None
-        self._bar_of = ""
+        self.bars = PhaseBars()
+        self._bar: ProgressBar | None = None  # of training
         self.is_first = os.environ.get("RANK", "0") == "0"
-
-    def __enter__(self) -> "_Screen":
-        return self
-
-    def __exit__(self, *error: Any) -> None:
-        self._close()
 
     def show_lines(self, lines: list[str]) -> None:
         """Print what will be trained."""
-        self._close()
+        self.bars.close()
         for line in lines:
             print(line, flush=True)
-
-    def show_set(self, what: str, done: int, total: int) -> None:
-        """Show how much of a training set is made."""
-        if self._bar_of != what:
-            self._open(what, max(total, 1), "trajectories")
-        assert self._bar is not None
-        self._bar.show(done)
 
     def begin(self, step: int) -> None:
         """Show progress from this step on."""
@@ -157,25 +148,13 @@ class _Screen:
             return
         if step:
             print(f"going on after step {step}", flush=True)
-        self._open("training", self._config.steps, "steps")
-        assert self._bar is not None
+        self._bar = self.bars.open("training", self._config.steps, "steps")
         self._bar.skip(step)
 
     def show_step(self, step: int, text: str) -> None:
         """Show how many steps were taken."""
         if self._bar is not None:
             self._bar.show(step, text)
-
-    def _open(self, what: str, total: int, unit: str) -> None:
-        self._close()
-        self._bar_of = what
-        self._bar = ProgressBar(what, total, unit)
-        self._bar.__enter__()
-
-    def _close(self) -> None:
-        if self._bar is not None:
-            self._bar.__exit__(None, None, None)
-            self._bar = None
 
 
 def _print_end(trainer: "Trainer", folder: Path) -> None:

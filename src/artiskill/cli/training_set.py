@@ -2,12 +2,11 @@
 
 import argparse
 import time
-from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from artiskill.cli.parser import add_command, add_stored_task, add_workers, workers_of
-from artiskill.cli.progress import ProgressBar
+from artiskill.cli.progress import PhaseBars
 from artiskill.cli.table import make_console, make_table
 
 if TYPE_CHECKING:
@@ -56,34 +55,13 @@ def _training_set(arguments: argparse.Namespace) -> None:
     )
     start = time.perf_counter()
     try:
-        with _Progress() as progress:
+        with PhaseBars() as bars:
             made = build_training_set(
-                arguments.source, arguments.out, options, arguments.task, workers_of(arguments), progress
+                arguments.source, arguments.out, options, arguments.task, workers_of(arguments), bars.show
             )
     except KeyboardInterrupt as interrupt:
         raise KeyboardInterrupt("interrupted; what was replayed is kept, the same command goes on") from interrupt
     _print_set(made, time.perf_counter() - start)
-
-
-class _Progress:
-    """A bar for each phase, one after the other; a context manager that takes the last one away."""
-
-    def __init__(self) -> None:
-        self._phase = ""
-        self._bars = ExitStack()
-        self._bar: ProgressBar | None = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._bars.close()
-
-    def __call__(self, phase: str, done: int, total: int) -> None:
-        if self._bar is None or phase != self._phase:
-            self._bars.close()
-            self._phase, self._bar = phase, self._bars.enter_context(ProgressBar(phase, total, "trajectories"))
-        self._bar.advance()
 
 
 def _print_set(made: "TrainingSet", seconds: float) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import checked_hash, load_object, object_id_of, resolve_objects
-from artiskill.config import from_mapping, to_mapping
+from artiskill.config import from_mapping, merge_overrides, to_mapping
 from artiskill.envs.control import JOINT
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
 from artiskill.envs.wrappers import Sampling
@@ -152,16 +152,18 @@ def plan_evaluation(
         PolicyError: a policy that cannot be loaded or needs another mode.
     """
     levels = _levels(episodes, first_level)
-    resolved = make_task(task, config)
+    make_task(task, config)  # before any policy is loaded
     check_time_limit(load_timeout_s, "for loading a policy")
     actor = inspect_policy(policy, load_timeout_s)
+    overrides = merge_overrides(actor.observation_config or {}, config or {})
+    resolved = make_task(task, overrides)
     modes = (
         _mode("obs_mode", obs_mode, actor) or _DEFAULT_OBS_MODE,
         _mode("control_mode", control_mode, actor) or JOINT,
     )
     policy = policy if callable(policy) or hasattr(policy, "act") else str(policy)
     batches = tuple(
-        EpisodeBatch(task, dict(config or {}), item, link, levels, policy, *modes, content_hash, actor.sampling)
+        EpisodeBatch(task, overrides, item, link, levels, policy, *modes, content_hash, actor.sampling)
         for item, content_hash in [(o, checked_hash(o)) for o in resolve_objects(objects, task=task)]
         for link in _targets(resolved, item, target)
     )
@@ -178,6 +180,7 @@ class PolicySpec:
     obs_mode: str | None
     control_mode: str | None
     sampling: Sampling | None = None
+    observation_config: dict[str, Any] | None = None
 
 
 def inspect_policy(policy: Any, load_timeout_s: float = LOAD_TIMEOUT_S) -> PolicySpec:
@@ -201,7 +204,8 @@ def _inspect(path: str, send: Send, limit_s: float) -> str:
 
 
 def _spec_of(actor: Actor) -> PolicySpec:
-    return PolicySpec(actor.name, actor.obs_mode, actor.control_mode, actor.sampling)
+    asked = None if actor.observation_config is None else dict(actor.observation_config)
+    return PolicySpec(actor.name, actor.obs_mode, actor.control_mode, actor.sampling, asked)
 
 
 def _mode(kind: str, asked: str | None, actor: PolicySpec) -> str | None:

@@ -35,12 +35,14 @@ class Actor(Protocol):
         obs_mode: the observation mode that it needs; None if any will do.
         control_mode: the control mode that its actions are of; None if it can act in any.
         sampling: of the clouds that it sees; None for the full ones.
+        observation_config: values of the task's `cameras` and `render` that it needs; None for the task's.
     """
 
     name: str
     obs_mode: str | None = None
     control_mode: str | None = None
     sampling: Sampling | None = None
+    observation_config: Mapping[str, Any] | None = None
 
     def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
         """Begin an episode, whose first observation and info these are."""
@@ -129,7 +131,7 @@ class SolutionActor(Actor):
     def __init__(self, solution: Solution) -> None:
         self._solution = solution
         self.name, self.obs_mode, self.control_mode = solution.name, solution.obs_mode, solution.control_mode
-        self.sampling = solution.sampling
+        self.sampling, self.observation_config = solution.sampling, solution.observation_config
 
     def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
         """Begin an episode.

@@ -9,7 +9,7 @@ import random
 import signal
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -29,6 +29,7 @@ LEGAL_FORMS = (
 )
 _MODULE = "artiskill_solution"
 _MEMBERS = ("obs_mode", "reset", "act")
+_SEEN = ("cameras", "render")  # sections of a task's configuration that change what is seen, nothing else
 
 
 class Solution:
@@ -42,6 +43,7 @@ class Solution:
         act_name: how the author calls `act`.
         control_mode: the control mode that its actions are of; None if they may be of any.
         sampling: of the clouds that it sees; None for the full ones.
+        observation_config: values of the task's `cameras` and `render` that it needs; None for the task's.
     """
 
     def __init__(
@@ -53,17 +55,20 @@ class Solution:
         act_name: str,
         control_mode: str | None = None,
         sampling: Sampling | None = None,
+        observation_config: Mapping[str, Any] | None = None,
     ) -> None:
         self.name, self.obs_mode, self.control_mode, self.sampling = name, obs_mode, control_mode, sampling
+        self.observation_config = observation_config
         self._reset, self._act, self._act_name = reset, act, act_name
         self._where, self._step = "", 0
 
     @classmethod
     def of_object(cls, policy: Any, name: str | None = None) -> "Solution":
-        """Wrap a function or an object with `obs_mode`, `reset`, `act`, perhaps `control_mode` and `sampling`.
+        """Wrap a function or an object with `obs_mode`, `reset` and `act`, and what else a policy may declare.
 
         Raises:
-            PolicyError: it is neither, or its `obs_mode` or `control_mode` is unknown, or its `sampling` illegal.
+            PolicyError: it is neither, or its `obs_mode` or `control_mode` is unknown, or what it asks of
+                observations illegal.
         """
         name = name or str(getattr(policy, "__name__", type(policy).__name__))
         missing = [member for member in _MEMBERS if not hasattr(policy, member)]
@@ -81,7 +86,8 @@ class Solution:
         if control_mode not in (None, *CONTROL_MODES):
             raise PolicyError(f"{name}: {UnknownNameError('control_mode', control_mode, CONTROL_MODES)}")
         sampling = _sampling_of(policy, name)
-        return cls(name, policy.reset, policy.act, policy.obs_mode, "act", control_mode, sampling)
+        asked = _observation_config_of(policy, name)
+        return cls(name, policy.reset, policy.act, policy.obs_mode, "act", control_mode, sampling, asked)
 
     def reset(self, observation: Any, info: dict[str, Any]) -> None:
         """Begin an episode; Python's and NumPy's global generators then start from the level.
@@ -160,6 +166,21 @@ def _sampling_of(policy: Any, name: str) -> Sampling | None:
         return from_mapping(Sampling, to_mapping(given), "sampling")
     except ArtiSkillError as error:
         raise PolicyError(f"{name}: {error}") from error
+
+
+def _observation_config_of(policy: Any, name: str) -> Mapping[str, Any] | None:
+    """Return the `observation_config` of a policy's object, where it has one.
+
+    Raises:
+        PolicyError: it is no mapping, or changes more than what is seen.
+    """
+    given = getattr(policy, "observation_config", None)
+    if given is None:
+        return None
+    if not isinstance(given, Mapping) or any(str(key).partition(".")[0] not in _SEEN for key in given):
+        legal = " and ".join(f"{key!r}" for key in _SEEN)
+        raise PolicyError(f"{name}: observation_config changes the sections {legal} only, not {shown(given)}")
+    return given
 
 
 def _import_file(path: Path) -> ModuleType:

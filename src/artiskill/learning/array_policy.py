@@ -24,7 +24,7 @@ from artiskill.learning.network_config import FRAMES, NetworkConfig
 from artiskill.learning.observation import MOST_MASKS, ObservationArrays, ObservationLayout
 
 SUFFIX = ".npz"
-FORMAT, VERSION = "artiskill-policy", 1
+FORMAT, VERSION = "artiskill-policy", 2
 # algorithm -> the parts of its `state_dict` that acting needs
 PARTS: Mapping[str, tuple[str, ...]] = {
     "bc": ("policy.",),
@@ -54,6 +54,7 @@ class Header:
     algorithm: str
     control_mode: str  # of the actions
     sampling: dict[str, Any]  # of the clouds, as `Sampling` has it
+    observation_config: dict[str, Any]  # the task's sections `cameras` and `render` that it was trained with
     frame: str  # of their points
     points: int  # of a cloud
     masks: int  # of a cloud
@@ -114,7 +115,7 @@ class ArrayPolicy:
         path: of the file.
 
     Attributes:
-        obs_mode, control_mode, sampling: as evaluation asks of a policy.
+        obs_mode, control_mode, sampling, observation_config: as evaluation asks of a policy.
         header: what the file says of itself.
 
     Raises:
@@ -126,6 +127,7 @@ class ArrayPolicy:
     def __init__(self, path: Path | str) -> None:
         self.header, values = _read(Path(path))
         self.control_mode, self.sampling = self.header.control_mode, self.header.sampling
+        self.observation_config = self.header.observation_config
         self._layout = ObservationLayout(self.header.points, self.header.masks, self.header.agent)
         self._blas = ThreadpoolController().select(user_api="blas")
         self._input = self.header.network.resolved().input

@@ -8,7 +8,7 @@ from typing import Any, Literal
 from artiskill.config import CONFIG_DIR, check, check_not_negative, check_value, load_config
 from artiskill.errors import check_name
 
-NETWORKS = ("small", "pointnet", "pointnet_transformer")
+NETWORKS = ("small", "small_transformer", "pointnet", "pointnet_transformer")
 FRAMES = ("world", "robot", "end_effector")  # of points, see `artiskill.envs.wrappers.Sampling`
 
 _FOLDER = CONFIG_DIR / "learning" / "networks"

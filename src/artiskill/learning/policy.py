@@ -25,7 +25,7 @@ class RunPolicy:
         run: the run's folder, whose best checkpoint acts, else its latest; or one of its checkpoints.
 
     Attributes:
-        obs_mode, control_mode, sampling: as evaluation asks of a policy.
+        obs_mode, control_mode, sampling, observation_config: as evaluation asks of a policy.
 
     Raises:
         PolicyError: there is no checkpoint.
@@ -37,6 +37,7 @@ class RunPolicy:
     def __init__(self, run: Path | str) -> None:
         info, _, self._algorithm = load_trained(run)
         self.control_mode, self.sampling = info.control_mode, info.sampling
+        self.observation_config = info.observation_config
         self._layout = ObservationLayout(*(info.sizes[name] for name in ("points", "masks", "agent")))
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
@@ -93,6 +94,7 @@ def export_policy(run: Path | str, path: Path) -> Header:
         algorithm=info.algorithm,
         control_mode=info.control_mode,
         sampling=info.sampling,
+        observation_config=info.observation_config,
         frame=info.sampling["frame"],
         **info.sizes,
         network=config.network,

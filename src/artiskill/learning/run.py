@@ -30,6 +30,7 @@ FORMAT, VERSION = "artiskill-run", 1
 CONFIG, INFO, METRICS, DEVELOPMENT = "config.yaml", "run.json", "metrics.csv", "development.csv"
 TENSORBOARD, SET = "tensorboard", "set"
 LATEST, BEST = Path("checkpoints/latest.pt"), Path("checkpoints/best.pt")
+_SEEN = ("cameras", "render")
 KEPT = "what was saved before is kept: the same command goes on from there"
 
 
@@ -48,6 +49,11 @@ class RunInfo:
     objects: list[str]  # ids, whose demonstrations these are
     steps: int  # of demonstrations
     versions: dict[str, str]  # with which the run began
+
+    @property
+    def observation_config(self) -> dict[str, Any]:
+        """The task's sections that say how the demonstrations were seen, as evaluation asks of a policy."""
+        return {key: value for key, value in self.overrides.items() if key.partition(".")[0] in _SEEN}
 
 
 def write_info(info: RunInfo, folder: Path) -> None:

@@ -118,7 +118,7 @@ def load_train_config(
     Args:
         name: of the algorithm: `bc`, `bcq` or `td3bc`.
         task: name of the task.
-        network: `small`, `pointnet` or `pointnet_transformer`.
+        network: one of `NETWORKS`.
         overrides: dotted keys and other values, `{"algorithm.learning_rate": 1e-3}`.
 
     Raises:
