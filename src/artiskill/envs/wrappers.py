@@ -28,6 +28,7 @@ class PointCloudDownsample(gym.Wrapper[Any, Any, Any, Any], gym.utils.RecordCons
 
     - `maniskill`: as in the benchmark's baselines, 50 points of each mask, then masked ones up to 800, then others
       up to 1,200 (`points_per_mask`, `masked_points`, `num_points`);
+    - `shares`: fixed numbers of points (`shares`) of each mask and of those in none;
     - `uniform`: every point alike;
     - `voxel`: one of each cube of `voxel_m`;
     - `fps`: farthest point sampling among `candidates_per_point * num_points` random ones.
@@ -68,7 +69,7 @@ class Sampling:
     """Which points of a cloud are kept, see `PointCloudDownsample`."""
 
     num_points: int = 1200  # in all
-    method: str = "maniskill"  # `maniskill`, `uniform`, `voxel` or `fps`
+    method: str = "maniskill"  # `maniskill`, `shares`, `uniform`, `voxel` or `fps`
     frame: str = "world"  # `world`, `robot` or `end_effector`
     settings: dict[str, Any] = field(default_factory=dict)  # of the method
 

@@ -157,3 +157,22 @@ def test_illegal_settings(
 ) -> None:
     with pytest.raises(error, match=says):
         make_sampler(method, number, settings)
+
+
+def test_shares_are_numbers_of_points_of_each_mask() -> None:
+    """A point in two masks counts as of the first; what is missing of a mask is given to no other."""
+    xyz, rgb, seg = cloud({(0, 1): 40, (1,): 100, (2,): 30, (): 3})
+    few = downsample(
+        xyz, rgb, seg, make_sampler("shares", 60, {"shares": (24, 26, 0, 10)}), np.random.default_rng(1)
+    )
+    masks = few["seg"][: 24 + 26 + 3]
+    assert masks[:, 0].sum() == 24
+    assert (masks[:, 1] & ~masks[:, 0]).sum() == 26
+    assert not masks[:, 2].any()
+    assert not few["xyz"][53:].any()
+    assert len(np.unique(rows_of(few["xyz"][:53], xyz))) == 53
+
+
+def test_shares_must_add_up() -> None:
+    with pytest.raises(ConfigError, match="sum of shares"):
+        make_sampler("shares", 60, {"shares": (30, 20)})

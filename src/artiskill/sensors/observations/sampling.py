@@ -115,6 +115,39 @@ def choose_uniformly(candidates: Array, uniforms: Array) -> Array:
 
 
 @allocating_kernel
+def choose_by_share(codes: Array, shares: Array, uniforms: Array) -> Array:
+    """Fixed numbers of points of each mask, and of those in none.
+
+    A point in several masks counts as of the first.
+
+    Args:
+        codes: (N,) uint8, see `classify_pixels`; not changed.
+        shares: (k + 1,) points of each mask, then of those in no mask; fewer where there are fewer.
+        uniforms: (the sum of `shares`,).
+
+    Returns:
+        (M,) int32 distinct indices, mask after mask.
+    """
+    candidates = points_that_count(codes)
+    masks = shares.shape[0] - 1
+    group = np.empty(candidates.shape[0], dtype=np.int64)
+    for i in range(candidates.shape[0]):
+        group[i] = masks
+        for mask in range(masks - 1, -1, -1):
+            if codes[candidates[i]] & (1 << mask):
+                group[i] = mask
+    chosen = np.empty(uniforms.shape[0], dtype=np.int32)
+    count, drawn = 0, 0
+    for wanted in range(masks + 1):
+        share = shares[wanted]
+        found = choose_uniformly(candidates[group == wanted], uniforms[drawn : drawn + share])
+        chosen[count : count + found.shape[0]] = found
+        count += found.shape[0]
+        drawn += share
+    return chosen[:count]
+
+
+@allocating_kernel
 def first_of_each_voxel(xyz: Array, voxel_m: float) -> Array:
     """Indices (M,) int32 of the first point in each occupied cube of a grid, by a hash table."""
     slots = 1024
@@ -292,8 +325,38 @@ class FarthestSampler:
         return candidates[choose_farthest(positions_of(candidates), self.num_points)]
 
 
+@dataclass(frozen=True)
+class ShareSampler:
+    """Fixed numbers of points of each mask, the first that a point is in, and of those in none.
+
+    Attributes:
+        num_points: in all.
+        shares: points of each mask, then of those in no mask; their sum is `num_points`.
+    """
+
+    num_points: int
+    shares: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        _check_number(self.num_points)
+        most = MOST_MASKS + 1
+        check(
+            1 <= len(self.shares) <= most and min(self.shares) >= 0,
+            f"shares needs 1 to {most} numbers of at least 0, not {list(self.shares)}",
+        )
+        check(
+            sum(self.shares) == self.num_points,
+            f"the sum of shares must be num_points = {self.num_points}, not {sum(self.shares)}",
+        )
+
+    def choose(self, codes: np.ndarray, positions_of: PositionsOf, rng: np.random.Generator) -> np.ndarray:
+        """Points mask after mask, in random order."""
+        return choose_by_share(codes, np.array(self.shares, dtype=np.int64), rng.random(self.num_points))
+
+
 SAMPLERS: Mapping[str, type[Any]] = {
     "maniskill": ManiskillSampler,
+    "shares": ShareSampler,
     "uniform": UniformSampler,
     "voxel": VoxelSampler,
     "fps": FarthestSampler,
@@ -305,7 +368,8 @@ def make_sampler(method: str, num_points: int, settings: Mapping[str, Any] | Non
 
     Args:
         method: one of `SAMPLERS`.
-        num_points: in all. `maniskill` keeps its shares of 800 and 50 in 1,200 unless they are given.
+        num_points: in all. `maniskill` keeps its shares of 800 and 50 in 1,200 unless they are given; `shares`
+            without any regards no mask.
         settings: further fields of the sampler's class.
 
     Raises:
@@ -318,6 +382,8 @@ def make_sampler(method: str, num_points: int, settings: Mapping[str, Any] | Non
     if method == "maniskill":
         masked = values.setdefault("masked_points", values["num_points"] * 800 // 1200)
         values.setdefault("points_per_mask", min(50, masked * 50 // 800))
+    elif method == "shares":
+        values.setdefault("shares", (values["num_points"],))
     sampler: Sampler = from_mapping(SAMPLERS[method], values, source=f"sampling method {method!r}")
     return sampler
 
