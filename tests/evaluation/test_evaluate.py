@@ -11,7 +11,8 @@ from artiskill.assets.catalog import read_catalog
 from artiskill.errors import ArtiSkillError, AssetError, ConfigError, PolicyError, UnknownNameError
 from artiskill.evaluation.evaluate import evaluate
 from artiskill.evaluation.plan import plan_evaluation
-from artiskill.evaluation.report import EpisodeResult, Report, report_markdown, summarize
+from artiskill.evaluation.report import Report, report_markdown
+from artiskill.evaluation.statistics import EpisodeResult, summarize
 from artiskill.jobs import worker
 
 OBJECTS = ["cabinet-0005", "cabinet-0010"]
@@ -37,6 +38,7 @@ def report() -> Report:
 def comparable(report: Report) -> dict[str, Any]:
     mapping = report.to_mapping()
     mapping.pop("timing")
+    mapping.pop("sha256")
     return mapping
 
 

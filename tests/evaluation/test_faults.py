@@ -14,8 +14,9 @@ from artiskill.errors import PolicyError
 from artiskill.evaluation.evaluate import evaluate, run_episode
 from artiskill.evaluation.policies import StillActor, load_policy
 from artiskill.evaluation.recording import EpisodeRecorder
-from artiskill.evaluation.report import EpisodeResult, write_report
+from artiskill.evaluation.report import write_report
 from artiskill.evaluation.scene_pictures import PictureStyle
+from artiskill.evaluation.statistics import EpisodeResult
 
 TASK, OBJECT = "OpenCabinetDrawer", "cabinet-0005"
 # too long a step for this integrator: whoever moves in it makes the physics run away

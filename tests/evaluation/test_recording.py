@@ -25,8 +25,8 @@ from artiskill.evaluation.recording import (
     record_video,
     shown_points,
 )
-from artiskill.evaluation.report import EpisodeResult
 from artiskill.evaluation.scene_pictures import PictureStyle
+from artiskill.evaluation.statistics import EpisodeResult
 from artiskill.evaluation.video import caption_share
 from artiskill.geometry.primitives import box
 from artiskill.geometry.rotations import transform_points

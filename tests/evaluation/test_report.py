@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 import yaml
-from scipy.stats import binomtest
 
 from artiskill.errors import ConfigError
 from artiskill.evaluation.evaluate import evaluate
-from artiskill.evaluation.report import REPORT_FILES, Report, check_output_folder, wilson_interval, write_report
+from artiskill.evaluation.report import REPORT_FILES, Report, check_output_folder, write_report
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +28,8 @@ def test_files_agree(report: Report, tmp_path: Path) -> None:
     folder = write_report(report, tmp_path / "new" / "folder")
     assert sorted(p.name for p in folder.iterdir()) == sorted(REPORT_FILES)
     data = json.loads((folder / "report.json").read_text())
-    assert data == report.to_mapping() | {"levels": [0, 1], "interval": list(report.total.interval)}
+    assert data == report.to_mapping()
+    assert (data["levels"], data["interval"]) == ([0, 1], list(report.total.interval))
     assert yaml.safe_load((folder / "config.yaml").read_text()) == data["config"]
     assert data["config"]["episode_steps"] == 5
     rows = read_csv(folder / "report.csv")
@@ -71,7 +71,7 @@ def test_a_failure_leaves_the_earlier_report(
     def full(self: Path, *args: object, **kwargs: object) -> int:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr(Path, "write_bytes", full)
     with pytest.raises(ConfigError, match="No space left"):
         write_report(replace(report, policy="other"), tmp_path)
     assert json.loads((tmp_path / "report.json").read_text())["policy"] == "random"
@@ -117,20 +117,3 @@ def test_what_stops_the_writing_halfway_leaves_all_as_it_was(
         write_report(replace(report, policy="other", config={}), tmp_path)
     assert moved[:3] == list(REPORT_FILES[:3])
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
-
-
-@pytest.mark.parametrize(("k", "n"), [(0, 1), (1, 1), (0, 10), (3, 10), (10, 10), (17, 20), (249, 250), (1, 3000)])
-def test_agrees_with_scipy(k: int, n: int) -> None:
-    expected = binomtest(k, n).proportion_ci(confidence_level=0.95, method="wilson")
-    assert wilson_interval(k, n) == pytest.approx((expected.low, expected.high), abs=1e-12)
-
-
-def test_bounds_contain_the_rate_and_stay_in_range() -> None:
-    for k in range(8):
-        low, high = wilson_interval(k, 7)
-        assert 0 <= low <= k / 7 <= high <= 1
-
-
-def test_more_trials_say_more() -> None:
-    widths = [high - low for low, high in (wilson_interval(n // 2, n) for n in (10, 100, 1000))]
-    assert widths == sorted(widths, reverse=True)

@@ -39,7 +39,7 @@ def comparable(report: Report) -> dict[str, Any]:
     return {
         key: value
         for key, value in report.to_mapping().items()
-        if key not in ("timing", "policy", "policy_sha256")
+        if key not in ("timing", "policy", "policy_sha256", "sha256")
     }
 
 

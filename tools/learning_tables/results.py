@@ -52,7 +52,7 @@ class Measured:
     @property
     def interval(self) -> tuple[float, float]:
         """Wilson's, 95 %: over episodes on these objects."""
-        from artiskill.evaluation.report import wilson_interval  # it needs the engine, training does not
+        from artiskill.evaluation.statistics import wilson_interval  # it needs the engine, training does not
 
         return wilson_interval(self.successes.total(), self.episodes.total())
 

@@ -1,4 +1,4 @@
-"""`artiskill evaluate` and `artiskill demo`: a policy's success on many objects: table, report and video."""
+"""`artiskill evaluate`, `demo` and `report`: a policy's success on many objects, and what its report is worth."""
 
 import argparse
 import shlex
@@ -10,7 +10,17 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from artiskill.cli.parser import Parser, add_command, add_set, add_workers, overrides_of, workers_of
+from artiskill.cli.parser import (
+    Parser,
+    UsageError,
+    add_command,
+    add_group,
+    add_set,
+    add_stored_task,
+    add_workers,
+    overrides_of,
+    workers_of,
+)
 
 if TYPE_CHECKING:  # imports that `artiskill --help` must not wait for
     from artiskill.evaluation.plan import EvaluationPlan
@@ -20,11 +30,22 @@ _EPILOG = """examples:
   artiskill evaluate --policy expert --objects test --out results/expert
   artiskill evaluate --policy my/solution.py --objects cabinet-0005 cabinet-0010 --episodes 50 --video look.gif
   artiskill evaluate --policy random --objects train --set episode_steps=100
+  artiskill evaluate --policy runs/chairs --protocol artiskill-1/PushChair/test/joint/pointcloud
 
 docs/evaluation.md describes solution files and reports."""
 
+_VERIFY_EPILOG = """examples:
+  artiskill report verify results/mine
+  artiskill report verify results/mine --policy my/solution.py --sample 20
 
-_TASK = "OpenCabinetDrawer"
+The exit status is 1 if anything is not as the report says. docs/evaluation.md says what this proves."""
+_COMPARE_EPILOG = """example:
+  artiskill report compare results/old results/new"""
+
+_TASK, _EPISODES = "OpenCabinetDrawer", 10
+EXIT_FAULTS = 1
+# options that a protocol decides
+_OF_PROTOCOL = ("task", "objects", "target", "episodes", "first_level", "obs_mode", "control_mode", "set")
 _DEMO_EPILOG = """The demo is this command, with 2 episodes on each test object:
   artiskill evaluate --task OpenCabinetDrawer --policy expert --objects test --episodes 2 \\
       --out results/demo --video results/demo/episode.gif"""
@@ -44,6 +65,18 @@ def add_commands(commands: Any) -> None:
     )
     add_workers(parser)
     _add_evaluate(commands)
+    subcommands = add_group(commands, "report", "verify a report by playing its actions again, or compare two")
+    parser = add_command(subcommands, "verify", _run_verify, "play a report's actions again", _VERIFY_EPILOG)
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="of the report")
+    parser.add_argument("--policy", help="also have the policy play some episodes again, and compare its actions")
+    parser.add_argument("--sample", type=int, default=10, help="how many episodes (default: %(default)s)")
+    objects = "names or folders of objects that their ids in the report do not lead to"
+    parser.add_argument("--objects", nargs="+", default=[], help=objects)
+    add_stored_task(parser)
+    add_workers(parser)
+    parser = add_command(subcommands, "compare", _run_compare, "compare two reports", _COMPARE_EPILOG)
+    parser.add_argument("first", type=Path, metavar="FIRST", help="folder of a report")
+    parser.add_argument("second", type=Path, metavar="SECOND", help="folder of another one of the same protocol")
 
 
 def _add_evaluate(commands: Any) -> None:
@@ -53,11 +86,16 @@ def _add_evaluate(commands: Any) -> None:
     add("--task", help=task)
     policies = "expert, demonstrator, random, still, path/to/solution.py or a training run (default: expert)"
     add("--policy", default="expert", help=policies)
-    add("--objects", nargs="+", default=["test"], help="splits, ids or PartNet folders (default: test)")
+    add(
+        "--protocol",
+        help="play this protocol, see `artiskill protocols`: it decides the options from --objects to --set",
+    )
+    add("--objects", nargs="+", help="splits, ids or PartNet folders (default: test)")
     add("--target", help="target link, or 'all' to evaluate each one separately (default: drawn by each level)")
-    add("--episodes", type=int, default=10, help="episodes per object (default: %(default)s)")
-    first = "level (seed) of each object's first episode (default: 0)"
-    add("--first-level", "--seed", type=int, default=0, help=first)
+    add("--episodes", type=int, help=f"episodes per object (default: {_EPISODES})")
+    add("--first-level", "--seed", type=int, help="level (seed) of each object's first episode (default: 0)")
+    add("--fresh-levels", metavar="SALT", help="play levels that are hashes of this text, which nobody could know")
+    add("--track", help="what the policy was made from, for the report; docs/evaluation.md lists them")
     add("--obs-mode", help="observation mode (default: the policy's, else state)")
     add("--control-mode", help="control mode (default: the policy's, else joint)")
     add_set(parser, "change values of the task's configuration")
@@ -136,21 +174,33 @@ def _note_earlier_report(folder: Path | None) -> Iterator[None]:
 
 
 def _plan(arguments: argparse.Namespace) -> "EvaluationPlan":
+    from artiskill.errors import PolicyError
     from artiskill.evaluation.plan import plan_evaluation
     from artiskill.evaluation.policies import trained_task
+    from artiskill.evaluation.protocols import standard_protocol
 
-    return plan_evaluation(
-        task=arguments.task or trained_task(arguments.policy) or _TASK,
+    asked = {name: getattr(arguments, name) for name in _OF_PROTOCOL}
+    given = {name: value for name, value in asked.items() if value not in (None, [])}
+    if arguments.protocol is None:
+        given = {"objects": "test", "episodes": _EPISODES, "config": overrides_of(given.pop("set", [])), **given}
+        given.setdefault("task", trained_task(arguments.policy) or _TASK)
+    else:
+        wanted = standard_protocol(arguments.protocol).arguments
+        if given:
+            options = ", ".join(f"--{name.replace('_', '-')}" for name in given)
+            raise UsageError(f"--protocol decides {options}, too: give one or the other")
+        given = wanted
+    plan = plan_evaluation(
         policy=arguments.policy,
-        objects=arguments.objects,
-        episodes=arguments.episodes,
-        first_level=arguments.first_level,
-        target=arguments.target,
-        obs_mode=arguments.obs_mode,
-        control_mode=arguments.control_mode,
-        config=overrides_of(arguments.set),
         load_timeout_s=arguments.load_timeout,
+        salt=arguments.fresh_levels,
+        track=arguments.track,
+        **given,
     )
+    if not plan.protocol.id.startswith(arguments.protocol or ""):
+        wish = f"{arguments.policy} asks for other cameras or another picture quality"
+        raise PolicyError(f"{wish} than {arguments.protocol} has; leave --protocol out to play it all the same")
+    return plan
 
 
 def _play_episodes(arguments: argparse.Namespace, plan: "EvaluationPlan", workers: int) -> "Report":
@@ -181,3 +231,36 @@ def _record(arguments: argparse.Namespace, plan: "EvaluationPlan", workers: int)
             arguments.step_timeout,
         )
     print(f"video: {arguments.video}")
+
+
+def _run_verify(arguments: argparse.Namespace) -> int:
+    import numpy as np
+
+    from artiskill.cli.progress import ProgressBar
+    from artiskill.evaluation.verify import read_report, verify_policy, verify_report
+
+    folder, workers = arguments.folder, workers_of(arguments)
+    with ProgressBar("playing again", read_report(folder).report.episodes, "episodes") as progress:
+        found = verify_report(folder, workers, lambda result: progress.advance(result.success), arguments.objects)
+    faults = found.faults
+    print(f"{found.episodes} episodes, {found.steps} steps played again: {_verdict(faults)}")
+    if arguments.policy is not None:
+        generator = np.random.default_rng()  # nobody shall know which
+        sample = arguments.sample
+        again = verify_policy(folder, arguments.policy, sample, generator, workers, arguments.objects)
+        print(f"{again.episodes} episodes played again by {arguments.policy}: {_verdict(again.faults)}")
+        faults += again.faults
+    for fault in faults:
+        print(f"  {fault}")
+    return EXIT_FAULTS if faults else 0
+
+
+def _verdict(faults: tuple[str, ...]) -> str:
+    return f"{len(faults)} differences" if faults else "bit for bit as reported"
+
+
+def _run_compare(arguments: argparse.Namespace) -> None:
+    from artiskill.cli.table import print_comparison
+    from artiskill.evaluation.verify import compare_reports
+
+    print_comparison(*compare_reports(arguments.first, arguments.second))

@@ -1,4 +1,4 @@
-"""Commands that show what there is: `objects`, `tasks`, `config`, `version`; and `warm`, which compiles it."""
+"""Commands that show what there is: `objects`, `tasks`, `protocols`, `config`, `version`; `warm` compiles it."""
 
 import argparse
 from typing import Any
@@ -13,6 +13,8 @@ def add_commands(commands: Any) -> None:
     parser.add_argument("--category", help="cabinet, chair or bucket")
     parser.add_argument("--split", help="train, test, ood, or all for train and test (default: all)")
     add_command(commands, "tasks", _tasks, "list the tasks and how many objects each split has for them")
+    summary = "list the protocols of `evaluate --protocol`, and digests of what they fix"
+    add_command(commands, "protocols", _protocols, summary)
     parser = add_command(commands, "config", _config, "show a task's configuration with every value resolved")
     parser.add_argument("action", choices=("show",), metavar="show")
     parser.add_argument("task", help="name of the task, or module:Task of your own package")
@@ -49,6 +51,16 @@ def _tasks(arguments: argparse.Namespace) -> None:
     for name in task_names():
         counts = (f"{len(list_objects(split=split, task=name))} {split}" for split in SPLITS)
         print(f"{name}  {', '.join(counts)} objects")
+
+
+def _protocols(arguments: argparse.Namespace) -> None:
+    from artiskill.evaluation.protocols import standard_protocols
+
+    protocols = standard_protocols()
+    width = max(map(len, protocols))
+    for name, protocol in protocols.items():
+        episodes = f"{len(protocol.rows)} objects x {protocol.arguments['episodes']} levels"
+        print(f"{name:<{width}}  {protocol.digest}  {episodes}")
 
 
 def _config(arguments: argparse.Namespace) -> None:

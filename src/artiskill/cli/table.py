@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from artiskill.evaluation.report import Report
+    from artiskill.evaluation.statistics import Comparison
+    from artiskill.evaluation.verify import StoredReport
 
 
 def make_console(piped_width: int = 120) -> "Console":
@@ -49,9 +51,41 @@ def print_report(report: "Report") -> None:
     if report.total.faults:
         console.print(report.total.faults_text, soft_wrap=True)
     low, high = report.total.interval
+    over = report.interval_over_objects
+    spread = f", over objects {over[0]:.1%} to {over[1]:.1%}" if over else ""
     console.print(
         f"[bold]{report.task}[/bold], policy {escape(report.policy)}: "
-        f"[bold]{report.success_rate:.1%}[/bold] solved (95 % confidence interval {low:.1%} to {high:.1%}), "
+        f"[bold]{report.success_rate:.1%}[/bold] solved "
+        f"(95 % confidence interval {low:.1%} to {high:.1%}{spread}), "
         f"{report.total.episodes} episodes in {report.timing['seconds']:.1f} s",
+        soft_wrap=True,
+    )
+
+
+def print_comparison(first: "StoredReport", second: "StoredReport", found: "Comparison") -> None:
+    """Print two reports of one protocol and their difference to standard output."""
+    from rich.markup import escape
+
+    console = make_console()
+    table = make_table(["object"], ["first", "second", "difference"])
+    both = (found.first.success_rate, found.second.success_rate)
+    for name, (one, other) in found.by_object.items():
+        table.add_row(name, f"{one:.0%}", f"{other:.0%}", f"{other - one:+.0%}")
+    table.add_section()
+    table.add_row("all", f"{both[0]:.1%}", f"{both[1]:.1%}", f"{found.difference:+.1%}", style="bold")
+    console.print(table)
+    console.print(f"protocol {escape(first.protocol)}", soft_wrap=True)
+    for title, report in (("first", first), ("second", second)):
+        track = f", track {report.track}" if report.track else ""
+        console.print(f"{title}: {escape(report.policy)}{track}", soft_wrap=True)
+    spread = "too few episodes for an interval"
+    if found.interval is not None:
+        spread = (
+            f"95 % interval {found.interval[0]:+.1%} to {found.interval[1]:+.1%} by bootstrap over {found.over}"
+        )
+    console.print(
+        f"second minus first: [bold]{found.difference:+.1%}[/bold] ({spread}); "
+        f"of {found.first.episodes} episodes, "
+        f"{found.only_second} were solved by the second alone, {found.only_first} by the first alone",
         soft_wrap=True,
     )

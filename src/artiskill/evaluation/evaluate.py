@@ -10,9 +10,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from artiskill.demos.demonstrator import FAULTS, fault_text
+from artiskill.demos.demonstrator import FAULTS, fault_kind, fault_text
+from artiskill.demos.recording import digest_of
+from artiskill.envs.control import Control, check_action
+from artiskill.envs.core import Episodes
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
-from artiskill.errors import ConfigError
+from artiskill.envs.sampling import EpisodeSampler
+from artiskill.envs.state import EnvState, save_episode
+from artiskill.errors import ConfigError, DivergedError
 from artiskill.evaluation.plan import WORKER_HINT, EpisodeBatch, EvaluationPlan, plan_evaluation
 from artiskill.evaluation.policies import (
     LOAD_TIMEOUT_S,
@@ -23,10 +28,12 @@ from artiskill.evaluation.policies import (
     load_policy,
     load_within,
 )
-from artiskill.evaluation.report import EpisodeResult, Report, make_report
+from artiskill.evaluation.report import Report, make_report
+from artiskill.evaluation.statistics import EpisodeResult
 from artiskill.jobs.fork_server import fork_server
 from artiskill.jobs.parallel import check_workers, run_jobs
 from artiskill.jobs.worker import Send
+from artiskill.tasks.registry import make_task
 
 if TYPE_CHECKING:  # torch takes seconds to import
     from artiskill.learning.run import RunInfo
@@ -34,6 +41,8 @@ if TYPE_CHECKING:  # torch takes seconds to import
     from artiskill.learning.train_config import TrainConfig
     from artiskill.learning.trainer import Develop
 
+# what may end an episode besides the physics: a policy of this package that fails at its arithmetic
+_POLICY_FAULTS = ("ArithmeticError", "FloatingPointError", "OverflowError", "ZeroDivisionError", "LinAlgError")
 OnStep = Callable[[ManipulationEnv, int, bool], None]
 Result = TypeVar("Result")
 
@@ -53,6 +62,8 @@ def evaluate(
     on_episode: Callable[[EpisodeResult], None] | None = None,
     step_timeout_s: float | None = None,
     load_timeout_s: float = LOAD_TIMEOUT_S,
+    salt: str | None = None,
+    track: str | None = None,
 ) -> Report:
     """Play the levels `first_level` to `first_level + episodes - 1` on every object and count.
 
@@ -76,16 +87,29 @@ def evaluate(
         step_timeout_s: the time in which each action, and each `reset` of the policy, must come; None for any. The
             policy then never runs in this process, so that it must be given by name or path.
         load_timeout_s: the time in which a solution file must have been run and its policy constructed.
+        salt: play `episodes` fresh levels instead, hashes of this text, see `protocols.fresh_levels`.
+        track: one of `protocols.TRACKS`, what the policy was made from, for the report.
 
     Raises:
-        UnknownNameError: an unknown task, object, split, target link, observation or control mode, or policy.
+        UnknownNameError: an unknown task, object, split, target link, mode, policy or track.
         ConfigError: an illegal number, or an unknown or illegal configuration value.
         AssetError: an object that cannot be used, or that differs from the catalogue's of that id.
         PolicyError: a policy that cannot be loaded, raises, returns no legal action, takes too long, or ends its
             process.
     """
     plan = plan_evaluation(
-        task, policy, objects, episodes, first_level, target, obs_mode, control_mode, config, load_timeout_s
+        task,
+        policy,
+        objects,
+        episodes,
+        first_level,
+        target,
+        obs_mode,
+        control_mode,
+        config,
+        load_timeout_s,
+        salt,
+        track,
     )
     return run_evaluation(plan, workers, on_episode, step_timeout_s)
 
@@ -127,7 +151,7 @@ def run_batches(
     """
     isolated = plan.is_solution or step_timeout_s is not None or min(workers, len(batches)) > 1
     if isolated:
-        fork_server().prepare(partial(_warm_up, replace(batches[0], policy="still")))
+        prepare_workers(batches[0])
         if is_run(plan.policy):  # torch takes seconds to import
             fork_server().prepare(partial(import_module, "artiskill.learning.policy"))
     load_timeout_s = plan.load_timeout_s if isolated else None
@@ -190,26 +214,38 @@ def run_episode(
         PolicyError: the policy raises or returns no legal action.
     """
     observation, info = env.reset(options={"level": level})
-    steps, done, fault = 0, False, ""
+    steps, done, fault, reward_sum = 0, False, "", 0.0
+    actions: list[np.ndarray] = []
     try:
         actor.reset(env, observation, info)
         on_step(env, steps, done)
         while not done:
-            observation, _, terminated, truncated, info = env.step(actor.act(env, observation))
-            steps, done = steps + 1, terminated or truncated
+            action = check_action(actor.act(env, observation), env.control.size)
+            actions.append(np.clip(action, -1.0, 1.0))
+            observation, reward, terminated, truncated, info = env.step(action)
+            steps, done, reward_sum = steps + 1, terminated or truncated, reward_sum + reward
             on_step(env, steps, done)
     except FAULTS as error:
         fault = fault_text(error)
         on_step(env, steps, True)
+    flags = dict.fromkeys(info["flags"], False) if fault else dict(info["flags"])
     return EpisodeResult(
-        object=info["object"],
-        target=info["target"],
-        level=level,
+        info["object"],
+        info["target"],
+        level,
         success=info["success"],  # which ends an episode: one that a fault ends has not come to it
         length=steps,
-        flags=dict.fromkeys(info["flags"], False) if fault else dict(info["flags"]),
+        flags=flags,
         fault=fault,
+        reward_sum=reward_sum,
+        digest="" if fault else final_digest(env.save_state()),
+        actions=np.array(actions).reshape(-1, env.control.size),
     )
+
+
+def final_digest(state: EnvState) -> str:
+    """Return the digest of an episode's last state, as reports have it: it depends on every action before."""
+    return f"{digest_of(state.simulation):016x}"
 
 
 def _run_batch(job: BatchJob, send: Send) -> list[EpisodeResult]:
@@ -222,11 +258,119 @@ def _run_batch(job: BatchJob, send: Send) -> list[EpisodeResult]:
     return results
 
 
+def prepare_workers(batch: EpisodeBatch) -> None:
+    """Have worker processes begin with all that a batch needs, but for its policy; returns at once."""
+    fork_server().prepare(partial(_warm_up, replace(batch, policy="still")))
+
+
 def _warm_up(batch: EpisodeBatch) -> None:
     """Load what every batch needs, compiled code above all, before any process is forked."""
     env = batch.make_env()
     env.reset(options={"level": batch.levels[0]})
     env.step(np.zeros(env.action_space.shape or (), np.float32))
+
+
+@dataclass(frozen=True, eq=False)
+class ReplayJob:
+    """Episodes that are to be played by their actions.
+
+    Attributes:
+        batch: of episodes; nobody asks for its policy.
+        actions: (T, A) of each of its levels.
+        faults: what ended each of them, as a report says.
+    """
+
+    batch: EpisodeBatch
+    actions: tuple[np.ndarray, ...]
+    faults: tuple[str, ...]
+
+
+def replay(job: ReplayJob, send: Send) -> tuple[list[EpisodeResult], list[str]]:
+    """Play all episodes of a job side by side, bit for bit as `run_episode` does one, without observations.
+
+    Returns:
+        Their outcomes, and a text for each whose actions go on when it is over.
+    """
+    player = _Replay(job, send)
+    while not player.over.all():
+        player.step()
+    return [player.results[env] for env in range(len(job.actions))], player.notes
+
+
+class _Replay:
+    """Episodes on one object that are played by their actions; those that are over rest."""
+
+    def __init__(self, job: ReplayJob, send: Send) -> None:
+        batch, count = job.batch, len(job.actions)
+        task = make_task(batch.task, batch.overrides)
+        control = Control(task.robot, batch.control_mode)
+        self._episodes = Episodes(task, control, [EpisodeSampler(task, [batch.object], batch.target)] * count, 1)
+        self._job, self._send, self._steps = job, send, 0
+        self._reward_sums = [0.0] * count
+        self.over = np.zeros(count, dtype=bool)
+        self.results: dict[int, EpisodeResult] = {}
+        self.notes: list[str] = []
+        nothing = [None] * count
+        self._episodes.start(range(count), batch.levels, nothing, nothing)
+
+    def step(self) -> None:
+        """Take one step in all episodes that are not over."""
+        episodes, rows = self._episodes, np.zeros((len(self.over), self._episodes.control.size))
+        for env in np.flatnonzero(~self.over).tolist():
+            if self._steps == len(self._job.actions[env]):
+                self._end_without_action(env)
+            else:
+                rows[env] = self._job.actions[env][self._steps]
+        if self.over.all():
+            return
+        resting = self.over.copy()
+        diverged = episodes.step(rows, resting if resting.any() else None)
+        for env, cause in diverged.items():
+            self._finish(env, fault_text(DivergedError({0: cause})), self._steps + 1)
+            episodes.start([env], [self._job.batch.levels[env]], [None], [None])  # numbers that can be looked at
+        episodes.evaluate()
+        episodes.advance(~resting)
+        rewards, terminated, truncated = episodes.outcome(True, resting if resting.any() else None)
+        self._steps += 1
+        for env in np.flatnonzero(~self.over).tolist():
+            self._reward_sums[env] += float(rewards[env])
+            if terminated[env] or truncated[env]:
+                self._finish(env, "", self._steps)
+
+    def _end_without_action(self, env: int) -> None:
+        """End an episode that has no more actions, which is in order if its policy failed there."""
+        fault = self._job.faults[env]
+        if fault_kind(fault) not in _POLICY_FAULTS:
+            fault = "the actions end before the episode does"
+        self._finish(env, fault, self._steps)
+
+    def _finish(self, env: int, fault: str, used: int) -> None:
+        """Keep the outcome of an episode.
+
+        Args:
+            env: which.
+            fault: what ended it, if anything did.
+            used: actions that were played.
+        """
+        episodes, actions = self._episodes, self._job.actions[env]
+        names, counted = episodes.task.flag_names, episodes.counted[env].tolist()
+        result = EpisodeResult(
+            object=episodes.objects[env],
+            target=episodes.targets[env],
+            level=int(episodes.levels[env]),
+            success=all(counted) and not fault,
+            length=self._steps,
+            flags=dict.fromkeys(names, False) if fault else dict(zip(names, counted, strict=True)),
+            fault=fault,
+            reward_sum=self._reward_sums[env],
+            digest="" if fault else final_digest(save_episode(episodes, env)),
+            actions=actions,
+        )
+        if used != len(actions):
+            where = f"{result.object}, target {result.target}, level {result.level}"
+            self.notes.append(f"{where}: the episode ends after {used} of {len(actions)} actions")
+        self.over[env], self.results[env] = True, result
+        self._send(result)
 
 
 def make_develop(config: "TrainConfig", objects: Sequence[str], workers: int, info: "RunInfo") -> "Develop":

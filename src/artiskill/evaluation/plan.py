@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -15,12 +15,21 @@ from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ConfigError, PolicyError, shown
 from artiskill.evaluation.policies import (
     LOAD_TIMEOUT_S,
+    PRIVILEGED_POLICIES,
     Actor,
     check_time_limit,
     load_policy,
     load_within,
     policy_digest,
     solution_path,
+)
+from artiskill.evaluation.protocols import (
+    ANY_TARGET,
+    Protocol,
+    checked_track,
+    fresh_levels,
+    name_protocol,
+    protocol_digest,
 )
 from artiskill.jobs.parallel import run_jobs
 from artiskill.jobs.worker import Send
@@ -29,7 +38,6 @@ from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Task
 
 ALL_TARGETS = "all"
-ANY_TARGET = "any"
 WORKER_HINT = "the policy ended it, or memory ran out; try fewer workers"
 _DEFAULT_OBS_MODE = "state"
 
@@ -101,6 +109,9 @@ class EvaluationPlan:
         obs_mode: of the environments.
         control_mode: of the environments.
         batches: one per row of the report.
+        protocol: what its numbers compare with.
+        salt: of fresh levels; None for those that count up.
+        track: what the policy was made from, as its author says.
         load_timeout_s: the time in which a solution file must be loaded.
     """
 
@@ -111,6 +122,9 @@ class EvaluationPlan:
     obs_mode: str
     control_mode: str
     batches: tuple[EpisodeBatch, ...]
+    protocol: Protocol
+    salt: str | None = None
+    track: str | None = None
     load_timeout_s: float = LOAD_TIMEOUT_S
 
     @property
@@ -140,6 +154,8 @@ def plan_evaluation(
     control_mode: str | None = None,
     config: Mapping[str, Any] | None = None,
     load_timeout_s: float = LOAD_TIMEOUT_S,
+    salt: str | None = None,
+    track: str | None = None,
 ) -> EvaluationPlan:
     """Check everything before the first episode; the arguments are those of `evaluate`.
 
@@ -153,6 +169,8 @@ def plan_evaluation(
     """
     levels = _levels(episodes, first_level)
     make_task(task, config)  # before any policy is loaded
+    if salt is not None and first_level != 0:
+        raise ConfigError(f"fresh levels have no first one: leave first_level at 0, not {shown(first_level)}")
     check_time_limit(load_timeout_s, "for loading a policy")
     actor = inspect_policy(policy, load_timeout_s)
     overrides = merge_overrides(actor.observation_config or {}, config or {})
@@ -169,7 +187,35 @@ def plan_evaluation(
     )
     for batch in batches[: len(batches) if target else 1]:  # a given target must exist on every object
         batch.make_env()
-    return EvaluationPlan(resolved, actor.name, policy, policy_digest(policy), *modes, batches, load_timeout_s)
+    batches, protocol = name_batches(resolved, batches, salt)
+    track = checked_track(track, isinstance(policy, str) and policy in PRIVILEGED_POLICIES, modes[0])
+    digest = policy_digest(policy)
+    return EvaluationPlan(
+        resolved, actor.name, policy, digest, *modes, batches, protocol, salt, track, load_timeout_s
+    )
+
+
+def name_batches(
+    task: Task, batches: tuple[EpisodeBatch, ...], salt: str | None
+) -> tuple[tuple[EpisodeBatch, ...], Protocol]:
+    """Return the batches, with fresh levels if there is a salt, and their protocol.
+
+    Args:
+        task: of all of them.
+        batches: with levels that count up.
+        salt: see `fresh_levels`.
+
+    Raises:
+        ConfigError: an illegal salt.
+    """
+    first = batches[0]
+    rows, modes = [(*batch.row, batch.content_hash) for batch in batches], (first.obs_mode, first.control_mode)
+    protocol = name_protocol(task, rows, first.levels, *modes)
+    if salt is None:
+        return batches, protocol
+    levels = fresh_levels(salt, protocol.id, len(first.levels))
+    fresh = tuple(replace(batch, levels=levels) for batch in batches)
+    return fresh, Protocol(f"{protocol.id}/fresh-{salt}", protocol_digest(task, rows, levels, *modes))
 
 
 @dataclass(frozen=True)

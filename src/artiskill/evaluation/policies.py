@@ -193,6 +193,7 @@ _ACTORS: Mapping[str, Callable[[], Actor]] = {
     "still": StillActor,
 }
 POLICY_NAMES = tuple(_ACTORS)
+PRIVILEGED_POLICIES = ("expert", "demonstrator")  # they read the simulation's state
 
 
 def load_policy(policy: Any) -> Actor:

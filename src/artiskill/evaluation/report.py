@@ -1,88 +1,42 @@
-"""Reports: what episodes add up to, and its files: JSON, CSV, Markdown and the resolved configuration."""
+"""Reports: what episodes add up to, and its files: JSON, CSV, Markdown, all actions, resolved configuration."""
 
 import csv
+import hashlib
 import io
 import json
-import math
 import os
 import shutil
 import tempfile
-from collections import Counter
+import zipfile
+import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from artiskill.config import dump_yaml, to_mapping
-from artiskill.demos.demonstrator import fault_kind
 from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ConfigError
 from artiskill.evaluation.plan import EvaluationPlan
-from artiskill.files import check_output_folder, lock_folder, output_path
+from artiskill.evaluation.protocols import Protocol
+from artiskill.evaluation.statistics import (
+    EpisodeResult,
+    EpisodeStatistics,
+    Interval,
+    object_interval,
+    summarize,
+)
+from artiskill.files import check_archive, check_output_folder, lock_folder, output_path
 from artiskill.versions import versions
 
-REPORT_FILES = ("config.yaml", "episodes.csv", "report.csv", "report.md", "report.json")
-_Z_95 = 1.959963984540054  # 0.975 quantile of the normal distribution
-
-
-@dataclass(frozen=True)
-class EpisodeResult:
-    """The outcome of one episode.
-
-    Attributes:
-        object: id of the object.
-        target: name of the target link.
-        level: of the episode.
-        success: whether the task was solved.
-        length: environment steps until it was solved or cut off.
-        flags: condition -> did it hold, long enough, at the end; none of one that a fault ended.
-        fault: what ended it, where that was not the episode's end, physics that ran away say: a text that begins
-            with the kind; else empty.
-    """
-
-    object: str
-    target: str
-    level: int
-    success: bool
-    length: int
-    flags: dict[str, bool]
-    fault: str = ""
-
-
-@dataclass(frozen=True)
-class EpisodeStatistics:
-    """Counts and rates of some episodes.
-
-    Attributes:
-        episodes: how many.
-        successes: how many of them were solved.
-        success_rate: their ratio.
-        interval: 95 % Wilson interval of the success rate.
-        flags: condition -> share of episodes at whose end it held.
-        mean_length: environment steps per episode, failed ones included.
-        faults: what ended episodes before their end, `DivergedError` say, and how many of them.
-    """
-
-    episodes: int
-    successes: int
-    success_rate: float
-    interval: tuple[float, float]
-    flags: dict[str, float]
-    mean_length: float
-    faults: dict[str, int]
-
-    @property
-    def faults_text(self) -> str:
-        """A sentence about faults; empty without any."""
-        kinds = ", ".join(f"{count} by {kind}" for kind, count in self.faults.items())
-        return f"Episodes that a fault ended, which count as failed: {kinds}." if kinds else ""
-
-    def cells(self, precision: str) -> list[str]:
-        """Return the cells of a table for people, rates formatted as `.1%` say."""
-        low, high = (f"{bound:{precision}}" for bound in self.interval)
-        rate, flags = f"{self.success_rate:{precision}}", [f"{share:.0%}" for share in self.flags.values()]
-        return [f"{self.successes}/{self.episodes}", rate, f"{low} to {high}", *flags, f"{self.mean_length:.1f}"]
+REPORT_JSON, EPISODES_CSV, ACTIONS_FILE = "report.json", "episodes.csv", "actions.npz"
+REPORT_FILES = ("config.yaml", EPISODES_CSV, ACTIONS_FILE, "report.csv", "report.md", REPORT_JSON)
+# what reading an archive may raise: it may end early, be encrypted, or claim shapes beyond all memory
+_DAMAGED = (OSError, KeyError, EOFError, MemoryError, RuntimeError, zipfile.BadZipFile, zlib.error)
+_MOST_ACTION_BYTES = 1_000_000_000  # a thousand times what 50 episodes have
 
 
 @dataclass(frozen=True)
@@ -119,11 +73,15 @@ class Report:
         task: name of the task.
         policy: name or path of the policy.
         policy_sha256: of a solution file's bytes, or of a run's weights; else None.
+        track: what the policy was made from, as its author says; `privileged` for experts; else None.
+        protocol: what the numbers compare with.
         obs_mode: of its observations.
         control_mode: of its actions.
         sampling: of the clouds that it saw; None for the full ones, and in other modes.
-        levels: first and last.
+        levels: first and last; None for fresh ones.
+        salt: of fresh levels; else None.
         total: over all episodes.
+        interval_over_objects: 95 % interval of the success rate by bootstrap over objects; None with one object.
         rows: one per object, or per object and target.
         episodes: every single one, in the order of rows and levels.
         config: resolved configuration of the task, plain values.
@@ -134,11 +92,15 @@ class Report:
     task: str
     policy: str
     policy_sha256: str | None
+    track: str | None
+    protocol: Protocol
     obs_mode: str
     control_mode: str
     sampling: Sampling | None
-    levels: tuple[int, int]
+    levels: tuple[int, int] | None
+    salt: str | None
     total: EpisodeStatistics
+    interval_over_objects: Interval | None
     rows: tuple[ObjectRow, ...]
     episodes: tuple[EpisodeResult, ...]
     config: dict[str, Any]
@@ -152,20 +114,27 @@ class Report:
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the content of report.json, as docs/evaluation.md describes it."""
-        return {
+        found = {
             "task": self.task,
             "policy": self.policy,
             "policy_sha256": self.policy_sha256,
+            "track": self.track,
+            "protocol": self.protocol.id,
+            "protocol_digest": self.protocol.digest,
             "obs_mode": self.obs_mode,
             "control_mode": self.control_mode,
             "sampling": to_mapping(self.sampling),
-            "levels": list(self.levels),
+            "levels": to_mapping(self.levels),
+            "salt": self.salt,
             **to_mapping(self.total),
+            "interval_over_objects": to_mapping(self.interval_over_objects),
             "objects": [row.to_mapping() for row in self.rows],
             "config": self.config,
             "versions": self.versions,
+            "actions_sha256": actions_sha256(*join_actions([result.actions for result in self.episodes])),
             "timing": self.timing,
         }
+        return found | {"sha256": mapping_sha256(found)}
 
 
 def make_report(
@@ -180,65 +149,101 @@ def make_report(
         workers: processes that played them.
     """
     episodes = tuple(result for batch in results for result in batch)
-    steps = sum(result.length for result in episodes)
-    levels = plan.batches[0].levels
+    levels, seconds = plan.batches[0].levels, max(round(seconds, 3), 0.001)
     return Report(
         task=plan.task.name,
         policy=plan.policy_name,
         policy_sha256=plan.policy_sha256,
+        track=plan.track,
+        protocol=plan.protocol,
         obs_mode=plan.obs_mode,
         control_mode=plan.control_mode,
         sampling=plan.batches[0].sampling,
-        levels=(levels[0], levels[-1]),
+        levels=(levels[0], levels[-1]) if plan.salt is None else None,
+        salt=plan.salt,
         total=summarize(episodes),
+        interval_over_objects=object_interval(episodes),
         rows=tuple(
             ObjectRow(*b.row, b.content_hash, summarize(r)) for b, r in zip(plan.batches, results, strict=True)
         ),
         episodes=episodes,
         config=to_mapping(plan.task.config),
         versions=versions(),
-        timing={"seconds": round(seconds, 3), "workers": workers, "steps_per_s": round(steps / seconds, 1)},
+        timing=timing_of(episodes, seconds, workers),
     )
 
 
-def summarize(episodes: Sequence[EpisodeResult]) -> EpisodeStatistics:
-    """Return the statistics of at least one episode."""
-    n, successes = len(episodes), sum(result.success for result in episodes)
-    names = episodes[0].flags
-    return EpisodeStatistics(
-        episodes=n,
-        successes=successes,
-        success_rate=successes / n,
-        interval=wilson_interval(successes, n),
-        flags={name: sum(result.flags[name] for result in episodes) / n for name in names},
-        mean_length=sum(result.length for result in episodes) / n,
-        faults=dict(Counter(sorted(fault_kind(result.fault) for result in episodes if result.fault))),
-    )
+def timing_of(episodes: Sequence[EpisodeResult], seconds: float, workers: int) -> dict[str, float]:
+    """Return the part of a report that differs from run to run; `seconds` are positive."""
+    steps = sum(result.length for result in episodes)
+    return {"seconds": seconds, "workers": workers, "steps_per_s": round(steps / seconds, 1)}
 
 
-def wilson_interval(successes: int, trials: int, z: float = _Z_95) -> tuple[float, float]:
-    """Return Wilson's score interval of a binomial rate, without continuity correction; by default the 95 % one.
+# -- actions ------------------------------------------------------------------------------------------------------
 
-    E. B. Wilson, "Probable inference, the law of succession, and statistical inference", JASA 22 (1927). It stays
-    within [0, 1] and has a sensible width at rates of 0 and 1, where the textbook interval has none.
+
+def join_actions(actions: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the number of actions of each episode, (E,) int32, and all of them, (N, A), without loss.
+
+    They are float32 if all of them have such values, else float64.
 
     Args:
-        successes: from 0 to `trials`.
-        trials: at least 1.
-        z: the normal quantile of the wanted confidence.
-
-    Returns:
-        Lower and upper bound of the rate.
+        actions: (T, A) of each episode, all with the same A.
     """
-    assert trials > 0
-    assert 0 <= successes <= trials
-    rate = successes / trials
-    shrink = 1.0 / (1.0 + z * z / trials)
-    center = shrink * (rate + z * z / (2 * trials))
-    half = shrink * z * math.sqrt(rate * (1.0 - rate) / trials + z * z / (4 * trials * trials))
-    low = 0.0 if successes == 0 else center - half  # exact at the ends, where rounding leaves 1e-17
-    high = 1.0 if successes == trials else center + half
-    return low, high
+    lengths = np.array([len(one) for one in actions], dtype="<i4")
+    exact = np.concatenate(list(actions)).astype("<f8")
+    short = exact.astype("<f4")
+    return lengths, short if short.astype("<f8").tobytes() == exact.tobytes() else exact
+
+
+def actions_sha256(lengths: np.ndarray, actions: np.ndarray) -> str:
+    """Return the SHA-256 of all actions as numbers, however a file compresses them."""
+    shape = f"{len(lengths)} {actions.shape} {actions.dtype.str}\n".encode()
+    return hashlib.sha256(shape + lengths.tobytes() + actions.tobytes()).hexdigest()
+
+
+def mapping_sha256(values: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of the content of report.json, but for its own entry."""
+    content = {key: value for key, value in values.items() if key != "sha256"}
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def pack_actions(actions: Sequence[np.ndarray]) -> bytes:
+    """Return the file of all actions, an `.npz`.
+
+    `lengths` (E,) are the episodes' numbers of actions. `planes` (A, bytes, N) has the first bytes of all numbers
+    of a column one after the other, then the second ones, and so on: like bytes side by side compress better.
+    """
+    lengths, joined = join_actions(actions)
+    planes = joined.view(np.uint8).reshape(*joined.shape, joined.itemsize).transpose(1, 2, 0)
+    file = io.BytesIO()
+    np.savez_compressed(file, lengths=lengths, planes=np.ascontiguousarray(planes))
+    return file.getvalue()
+
+
+def unpack_actions(file: bytes) -> list[np.ndarray]:
+    """Return the actions of each episode, (T, A) float64, from a file of `pack_actions`.
+
+    Raises:
+        ValueError: it is no such file, or too large, or holds numbers that are no actions.
+    """
+    content = io.BytesIO(file)
+    try:
+        check_archive(content, _MOST_ACTION_BYTES)
+        with np.load(content, allow_pickle=False) as arrays:
+            lengths, planes = arrays["lengths"], arrays["planes"]
+    except _DAMAGED as error:
+        raise ValueError(f"it is damaged ({type(error).__name__})") from error
+    is_ours = lengths.dtype == "<i4" and lengths.ndim == 1 and planes.dtype == np.uint8 and planes.ndim == 3
+    if not is_ours or planes.shape[1] not in (4, 8) or (lengths < 0).any() or lengths.sum() != planes.shape[2]:
+        raise ValueError("its arrays do not fit together")
+    numbers = np.ascontiguousarray(planes.transpose(2, 0, 1)).view(f"<f{planes.shape[1]}")[..., 0].astype("<f8")
+    if not (np.abs(numbers) <= 1.0).all():
+        raise ValueError("it holds numbers that are not in [-1, 1]")
+    return np.split(numbers, np.cumsum(lengths, dtype=np.int64)[:-1])
+
+
+# -- files --------------------------------------------------------------------------------------------------------
 
 
 def write_report(report: Report, folder: Path | str, is_locked: bool = False) -> Path:
@@ -260,22 +265,29 @@ def write_report(report: Report, folder: Path | str, is_locked: bool = False) ->
     """
     folder = Path(folder)
     check_report_folder(folder)
-    texts = {
-        "config.yaml": dump_yaml(report.config),
-        "episodes.csv": episodes_csv(report),
-        "report.csv": report_csv(report),
-        "report.md": report_markdown(report),
-        "report.json": json.dumps(report.to_mapping(), indent=2) + "\n",
-    }
+    files = report_files(report)
     with nullcontext() if is_locked else lock_folder(folder):
         try:
             with tempfile.TemporaryDirectory(prefix=".report-", dir=folder) as name:
                 for file in REPORT_FILES:
-                    (Path(name) / file).write_text(texts[file], encoding="utf-8")
+                    (Path(name) / file).write_bytes(files[file])
                 _replace_all(Path(name), folder)
         except OSError as error:
             raise ConfigError(f"cannot write the report to {str(folder)!r}: {error.strerror or error}") from error
     return folder
+
+
+def report_files(report: Report) -> dict[str, bytes]:
+    """Return the content of all files of a report."""
+    texts = {
+        "config.yaml": dump_yaml(report.config),
+        EPISODES_CSV: episodes_csv(report),
+        "report.csv": report_csv(report),
+        "report.md": report_markdown(report),
+        REPORT_JSON: json.dumps(report.to_mapping(), indent=2) + "\n",
+    }
+    actions = {ACTIONS_FILE: pack_actions([result.actions for result in report.episodes])}
+    return {name: text.encode() for name, text in texts.items()} | actions
 
 
 def _replace_all(new: Path, folder: Path) -> None:
@@ -336,7 +348,7 @@ def episodes_csv(report: Report) -> str:
                 "length": e.length,
             }
             | {name: int(held) for name, held in e.flags.items()}
-            | {"fault": e.fault}
+            | {"fault": e.fault, "reward_sum": e.reward_sum, "digest": e.digest}
             for e in report.episodes
         ]
     )
@@ -357,12 +369,16 @@ def report_markdown(report: Report) -> str:
     cells.append(["**all**", "", *report.total.cells(".1%")])
     table = [columns, ["---"] * 2 + ["---:"] * (len(columns) - 2), *cells]
     lines = [f"| {' | '.join(row)} |" for row in table]
-    first, last = report.levels
+    levels = f"Levels {report.levels[0]} to {report.levels[1]}" if report.levels else "Fresh levels"
     used = ", ".join(f"{name} {number}" for name, number in report.versions.items())
     modes = f"`{report.obs_mode}`, `{report.control_mode}`"
-    title = f"# {report.task}: {report.policy}\n\nLevels {first} to {last} of each object, {modes}."
+    title = (
+        f"# {report.task}: {report.policy}\n\nProtocol `{report.protocol.id}`. {levels} of each object, {modes}."
+    )
+    over = report.interval_over_objects
+    spread = f"\n\nOver objects: {over[0]:.1%} to {over[1]:.1%} (95 %, bootstrap)." if over else ""
     faults = f"\n\n{report.total.faults_text}" if report.total.faults else ""
-    return f"{title}\n\n" + "\n".join(lines) + f"{faults}\n\nMade with {used}.\n"
+    return f"{title}\n\n" + "\n".join(lines) + f"{spread}{faults}\n\nMade with {used}.\n"
 
 
 def report_columns(report: Report) -> list[str]:
