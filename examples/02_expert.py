@@ -10,17 +10,15 @@ from artiskill.experts.open_cabinet import OpenCabinetExpert
 
 env = gym.make("ArtiSkill/OpenCabinetDrawer-v0", objects="test", render_mode="rgb_array").unwrapped
 observation, info = env.reset(seed=3)
-expert = OpenCabinetExpert(env.task.robot)
-expert.reset(
-    env.snapshot, env.goal
-)  # the expert is privileged: it sees the simulation's state, not the observation
+expert = OpenCabinetExpert(env.task.robot)  # privileged: it sees the simulation's state, not the observation
 
 phase, steps, done = None, 0, False
 while not done:
-    action = expert.act(env.snapshot, env.goal)
-    if expert.phase is not phase:
-        phase = expert.phase
-        print(f"step {steps:3d}: {phase.value}")
+    command = expert.command(env.snapshot, env.goal)
+    if command.phase != phase:
+        phase = command.phase
+        print(f"step {steps:3d}: {expert.phases[phase]}")
+    action = expert.controller.action(env.snapshot, command)
     observation, reward, terminated, truncated, info = env.step(action)
     steps, done = steps + 1, terminated or truncated
 print(f"{info['object']}, {info['target']}: {'solved' if info['success'] else 'not solved'} after {steps} steps")

@@ -75,10 +75,10 @@ def engage(env: ManipulationEnv, level: int, steps_on: int = 5) -> None:
     env.reset(seed=level)
     if env.task.category == "cabinet":
         expert = OpenCabinetExpert(env.task.robot)
-        expert.reset(env.snapshot, env.goal)
         while steps_on:
-            env.step(expert.act(env.snapshot, env.goal))
-            steps_on -= expert.phase is CabinetPhase.PULL
+            command = expert.command(env.snapshot, env.goal)
+            env.step(expert.controller.action(env.snapshot, command))
+            steps_on -= command.phase == CabinetPhase.PULL
             assert env.save_state().elapsed < 200, "the expert never gripped the handle"
         return
     while steps_on:

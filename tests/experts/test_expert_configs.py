@@ -25,7 +25,7 @@ from artiskill.tasks.registry import make_task, task_names
         ("OpenCabinetDrawer", "reach_speed_m_s", 0),
         ("OpenCabinetDrawer", "overshoot", 2),
         ("OpenCabinetDrawer", "grip.close_speed_m_s", 0),
-        ("OpenCabinetDrawer", "grip.patience_steps", 0),
+        ("OpenCabinetDrawer", "grip.astray_m", 0.001),
         ("OpenCabinetDoor", "door.follow", 1.5),
         ("OpenCabinetDoor", "door.push_gain", -1),
         ("PushChair", "close_speed_m_s", -0.1),

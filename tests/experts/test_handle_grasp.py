@@ -9,18 +9,17 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError
 from artiskill.experts.frames import Frame, axis_rotation, rotation_error, tool_frame, yaw_rotation
 from artiskill.experts.handle_grasp import (
-    CabinetPhase,
     GraspConfig,
+    HandAtHandle,
     Posture,
     StanceConfig,
-    after_reach,
     approach_point,
-    choose_grasp,
-    default_grasp,
+    grasp_pose,
+    nearest_roll,
 )
 from artiskill.experts.open_cabinet import OpenCabinetExpertConfig
 
-LAST = 10
+LAST, REST_RAD = 10, 0.78
 DEFAULT = GraspConfig(0.0, 0.0, 0.0, 0.0)
 
 
@@ -31,26 +30,27 @@ def env() -> ManipulationEnv:
     return env
 
 
+def pose(env: ManipulationEnv, config: GraspConfig) -> Frame:
+    return grasp_pose(config, env.snapshot, env.goal, LAST, REST_RAD)
+
+
 def along_of(env: ManipulationEnv, share: float) -> float:
     """How far from the middle, along the handle."""
-    chosen = choose_grasp(GraspConfig(share, 0.0, 0.0, 0.0), env.snapshot, env.goal, LAST)
-    axes = env.goal.grasp_rotations[0, 0]
-    along, across, forward = axes.T @ chosen.shift
+    axes = env.snapshot.link_rotation_w[0, int(env.goal.link[0])] @ env.goal.grasp_rotations[0, 0]
+    shift = pose(env, GraspConfig(share, 0.0, 0.0, 0.0)).position - pose(env, DEFAULT).position
+    along, across, forward = axes.T @ shift
     assert abs(across) < 1e-9
     assert abs(forward) < 1e-9
     return float(along)
 
 
-def test_the_default_grasp(env: ManipulationEnv) -> None:
-    chosen = choose_grasp(DEFAULT, env.snapshot, env.goal, LAST)
-    assert chosen.is_default
-    assert chosen.on(env.goal) is env.goal
-    frame = chosen.frame(env.snapshot, env.goal, LAST)
-    assert chosen.leaning(frame) is frame
-    same = default_grasp().frame(env.snapshot, env.goal, LAST)
-    np.testing.assert_array_equal(frame.position, same.position)
-    tool = env.snapshot.tool_rotation_w[0, 0]
-    assert np.linalg.norm(rotation_error(tool, frame.rotation)) < np.pi / 2 + 0.2, "the nearest way round"
+def test_the_default_grasp_is_the_middle_and_the_nearest_way_round(env: ManipulationEnv) -> None:
+    snapshot, goal = env.snapshot, env.goal
+    link = int(goal.link[0])
+    middle = snapshot.link_position_w[0, link] + snapshot.link_rotation_w[0, link] @ goal.grasp_positions[0, 0]
+    found = pose(env, DEFAULT)
+    np.testing.assert_allclose(found.position, middle, atol=1e-12)
+    assert np.linalg.norm(rotation_error(snapshot.tool_rotation_w[0, 0], found.rotation)) < np.pi / 2 + 0.2
 
 
 def test_it_stays_on_the_handle(env: ManipulationEnv) -> None:
@@ -60,12 +60,6 @@ def test_it_stays_on_the_handle(env: ManipulationEnv) -> None:
     assert along.min() + 0.03 <= ends[0] + 1e-9 < -0.01
     assert along.max() - 0.03 >= ends[1] - 1e-9 > 0.01
     assert along_of(env, 0.5) == pytest.approx(ends[1] / 2)
-    chosen = choose_grasp(GraspConfig(1.0, 0.0, 0.0, 0.0), env.snapshot, goal, LAST)
-    moved = chosen.on(goal)
-    np.testing.assert_allclose(
-        moved.grasp_positions - goal.grasp_positions, np.broadcast_to(chosen.shift, (1, 2, 3)), atol=1e-12
-    )
-    assert not chosen.is_default
 
 
 def test_a_knob_has_one_place() -> None:
@@ -79,25 +73,50 @@ def test_a_knob_has_one_place() -> None:
     pytest.fail("the training objects have no knob")
 
 
-@pytest.mark.parametrize("roll", [-2.5, -1.5, 1.5])
-def test_it_rolls_as_the_last_joint_allows(env: ManipulationEnv, roll: float) -> None:
-    chosen = choose_grasp(GraspConfig(0.0, roll, 0.0, 0.0), env.snapshot, env.goal, LAST)
-    assert chosen.number is not None
-    assert abs(chosen.last_joint_rad) <= 2.6
-    left = chosen.last_joint_rad - float(env.snapshot.robot_qpos[0, LAST])
-    candidates = env.goal.grasp_rotations[0]
-    relative = env.snapshot.tool_rotation_w[0, 0].T @ chosen.frame(env.snapshot, env.goal, LAST).rotation
-    asked = float(np.arctan2(relative[1, 0], relative[0, 0]))
-    assert asked == pytest.approx(np.clip(left, -1.2, 1.2) if abs(left) > 1.99 else left, abs=0.02)
-    assert len(candidates) > chosen.number
+def rolled(angle_rad: float) -> np.ndarray:
+    return axis_rotation(np.array((0.0, 0, 1)), angle_rad)
+
+
+@pytest.mark.parametrize(
+    ("now", "wanted", "turn"),
+    [
+        (0.78, 0.78, -0.9),  # the nearer of the two
+        (2.2, 0.78, -0.9),  # not the nearest one, -0.9 + pi, which lies beyond the joint's range
+        (0.2, 2.5, 1.2),  # another one is asked for, and half of the way is shown
+        (0.0, -2.6, -0.9),
+    ],
+)
+def test_a_hand_rolls_to_the_best_of_its_grasps(now: float, wanted: float, turn: float) -> None:
+    tool = axis_rotation(np.array((1.0, 2, 3)), 0.7)
+    candidates = np.stack([tool @ rolled(-0.9), tool @ rolled(-0.9 + np.pi)])
+    np.testing.assert_allclose(nearest_roll(candidates, tool, now, wanted), tool @ rolled(turn), atol=2e-3)
+
+
+def test_a_hand_that_has_begun_to_roll_goes_on() -> None:
+    """Between two grasps that are equally far, the first step decides."""
+    candidates = np.stack([rolled(0.0), rolled(np.pi)])
+    for start in np.linspace(1.3, 1.9, 13):
+        chosen = nearest_roll(candidates, rolled(start), 0.78, 0.78)
+        step = 0.1 if chosen[0, 0] < 0 else -0.1
+        again = nearest_roll(candidates, rolled(start + step), 0.78 + step, 0.78)
+        np.testing.assert_allclose(again, chosen)
+
+
+def test_a_long_roll_is_asked_for_in_parts(env: ManipulationEnv) -> None:
+    tool = env.snapshot.tool_rotation_w[0, 0]
+    for roll in (-2.5, 2.5):
+        relative = tool.T @ pose(env, GraspConfig(0.0, roll, 0.0, 0.0)).rotation
+        assert abs(np.arctan2(relative[1, 0], relative[0, 0])) < 2.0
 
 
 def test_it_leans(env: ManipulationEnv) -> None:
-    chosen = choose_grasp(GraspConfig(0.0, 0.0, 0.1, -0.2), env.snapshot, env.goal, LAST)
-    frame = chosen.leaning(Frame(np.zeros(3), np.eye(3)))
+    upright, leaning = pose(env, DEFAULT), pose(env, GraspConfig(0.0, 0.0, 0.1, -0.2))
     sine = np.sin(0.1), np.sin(-0.2)
-    np.testing.assert_allclose(frame.forward, (sine[1], -sine[0] * np.cos(0.2), np.cos(0.1) * np.cos(0.2)))
-    assert not chosen.is_default
+    np.testing.assert_allclose(
+        upright.rotation.T @ leaning.forward,
+        (sine[1], -sine[0] * np.cos(0.2), np.cos(0.1) * np.cos(0.2)),
+        atol=1e-12,
+    )
 
 
 @pytest.mark.parametrize(
@@ -169,34 +188,64 @@ def test_illegal_values_of_a_stance() -> None:
 
 
 CONFIG = load_config(OpenCabinetExpertConfig, CONFIG_DIR / "experts" / "open_cabinet.yaml").grip
-GRASP = Frame(np.array((0.5, 0.2, 0.4)), np.eye(3))
-PATIENCE = 30
+WIDTH_M, WIDE_M = 0.01, 0.036
 
 
-def off(along: float = 0.0, across: float = 0.0, forward: float = 0.0, turned_rad: float = 0.0) -> Frame:
-    """A hand that is so far from the grasp, m, and turned about the way forward."""
-    rotation = axis_rotation(np.array((0.0, 0.0, 1.0)), turned_rad) if turned_rad else np.eye(3)
-    return Frame(GRASP.position - rotation @ (along, across, forward), rotation)
+def hand(
+    off_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    turned_rad: float = 0.0,
+    speed_m_s: float = 0.2,
+    opening_m: float = WIDE_M,
+) -> HandAtHandle:
+    return HandAtHandle(CONFIG, np.array(off_m), turned_rad, speed_m_s, opening_m, WIDTH_M, WIDE_M)
 
 
 @pytest.mark.parametrize(
-    ("tool", "steps", "phase"),
+    ("seen", "closes"),
     [
-        (off(), 3, CabinetPhase.GRIP),
-        (off(forward=0.05), 3, CabinetPhase.REACH),
-        (off(across=0.01), 3, CabinetPhase.REACH),
-        (off(along=0.012), 3, CabinetPhase.GRIP),  # along the handle it matters less
-        (off(forward=0.012), CONFIG.blocked_steps - 1, CabinetPhase.REACH),
-        (
-            off(forward=0.012),
-            CONFIG.blocked_steps,
-            CabinetPhase.GRIP,
-        ),  # something behind the handle is in its way
-        (off(forward=0.02), CONFIG.blocked_steps, CabinetPhase.REACH),
-        (off(forward=0.05, across=0.03), 3, CabinetPhase.APPROACH),  # lost, long before its patience ends
-        (off(forward=0.05, turned_rad=0.4), 3, CabinetPhase.APPROACH),
-        (off(forward=0.05), PATIENCE, CabinetPhase.APPROACH),
+        (hand(), True),
+        (hand((0.0, 0.0, 0.05)), False),
+        (hand((0.0, 0.012, 0.0)), False),
+        (hand((0.012, 0.0, 0.0)), True),  # along the handle it matters less
+        (hand((0.0, 0.0, 0.012)), False),
+        (hand((0.0, 0.0, 0.012), speed_m_s=0.0), True),  # something behind the handle is in its way
+        (hand(turned_rad=0.4), False),
+        (hand(opening_m=0.0), False),  # there is nothing between them: they have to open first
     ],
 )
-def test_what_follows_on_reaching_in(tool: Frame, steps: int, phase: CabinetPhase) -> None:
-    assert after_reach(tool, GRASP, steps, PATIENCE, CONFIG) is phase
+def test_when_fingers_close(seen: HandAtHandle, closes: bool) -> None:
+    assert seen.may_close is closes
+
+
+@pytest.mark.parametrize(
+    ("seen", "holds"),
+    [
+        (hand(opening_m=WIDTH_M), True),
+        (hand((0.0, 0.012, 0.0), opening_m=0.025), True),  # what has begun goes on
+        (hand(opening_m=0.0005), False),  # empty
+        (hand((0.0, 0.0, 0.04), opening_m=WIDTH_M), False),  # slipped
+        (hand(), False),  # open
+    ],
+)
+def test_when_a_handle_is_held(seen: HandAtHandle, holds: bool) -> None:
+    assert seen.holds is holds
+
+
+def test_a_grip_firms_as_fingers_close() -> None:
+    firm = [hand(opening_m=opening).firmness for opening in np.linspace(WIDTH_M, WIDE_M, 100)]
+    assert firm[0] == 1.0
+    assert firm[-1] > 0.0
+    assert (np.diff(firm) <= 0).all()
+
+
+def test_a_funnel_leads_in() -> None:
+    """Smoothly, for students learn an average over states that they cannot tell apart."""
+    across = np.linspace(0.0, 0.04, 200)
+    shares = np.array([hand((0.0, off, 0.1)).standoff for off in across])
+    assert shares[0] == 0.0
+    assert shares[-1] == 1.0
+    assert (np.diff(shares) >= 0).all()
+    assert np.diff(shares).max() < 0.02
+    assert hand((0.0, 0.0, 0.1), turned_rad=0.3).standoff == pytest.approx(0.5)
+    assert hand((0.0, 0.0, 0.05), opening_m=0.01).standoff == 1.0, "too narrow"
+    assert hand((0.0, 0.0, 0.09), opening_m=0.01).standoff == 0.0, "with time to open on the way"

@@ -13,15 +13,20 @@ import numpy as np
 
 from artiskill.config import check_inside, check_not_negative, check_positive
 from artiskill.experts.frames import Frame, Motion, axis_rotation, head_for, limited, rotation_error
-from artiskill.experts.handle_grasp import CabinetPhase
+from artiskill.experts.handle_grasp import CabinetPhase, HandAtHandle
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet import CabinetGoal
 
-_BEHIND_M = 0.03  # short of where the hand turns in around an edge
+_AIM_M = 0.04  # beyond where the hand turns in around an edge, lest it creeps there
+_BLEND_M = 0.025  # on which one way around an edge turns into the next
 _OUTSIDE_M = 0.03  # beyond the inner face, where no hand that pushes it can be
 _ENOUGH = 0.8  # of how far a door is to be ajar, for a hand that slipped off to go behind it
-_TURNED_RAD = 0.6  # from how it will push
+_NO_WAY = 0.4  # likewise, below which it comes out again
+_TURNED_RAD, _BROAD_RAD = 0.5, 0.9  # from how it will push: up to here it goes in, from here on not at all
 _HANGING = -0.5  # a closed door whose edge is so far below its hinge (cosine to the vertical) hangs
+_GAP_RAD = 0.1  # a door that is less open has no room behind it
+_LET_GO_M = 0.06  # opening of a hand that has let go
+_BESIDE_M, _ALONG_M = 0.06, 0.15  # a hand further from the grasp, across or along, is clear of the handle
 
 
 @dataclass(frozen=True)
@@ -31,7 +36,6 @@ class DoorConfig:
     ajar_rad: float  # so far it is pulled by its handle, and then pushed
     follow: float  # share of the door's turning that the gripping hand follows; about the rest the grip pivots
     pivot_width_m: float  # of the widest handle that a grip pivots about
-    stuck_rad: float  # a hand that turned so much further does not pivot: it is stuck
     rate_rad_s: float  # how fast the door is to turn while it is pushed
     pull_rate_rad_s: float  # likewise, while it is pulled
     stop_gain_s: float  # turning rate per what is left of the way, near its end
@@ -43,9 +47,7 @@ class DoorConfig:
     push_speed_m_s: float  # likewise of the pushing hand
     correction_m_s: float  # how fast it returns to its place on the door
     release_m: float  # the hand withdraws so far from the handle before it goes around the edge
-    release_steps: int  # or tries to for so many steps
     around_m_s: float  # speed of the hand on its way around the edge
-    around_steps: int  # after so many steps on that way the door is taken by its handle again
     clearance_m: float  # between the door's edge and the tool's centre, on the way around it
     behind_m: float  # the tool's centre goes so far behind the inner face before it comes in
     overlap_m: float  # the tool's centre pushes so far from the door's edge
@@ -57,7 +59,7 @@ class DoorConfig:
             self, "ajar_rad", "rate_rad_s", "pull_rate_rad_s", "stop_gain_s", "heading_rad", "overlap_m"
         )
         check_positive(self, "pull_speed_m_s", "push_speed_m_s", "around_m_s", "correction_m_s", "release_m")
-        check_positive(self, "release_steps", "around_steps", "clearance_m", "behind_m", "stuck_rad")
+        check_positive(self, "clearance_m", "behind_m")
         check_not_negative(self, "pull_gain", "push_gain", "pivot_width_m", "lead_rad")
         check_inside("follow", self.follow, (0, 1))
 
@@ -143,34 +145,29 @@ def door_of(snapshot: Snapshot, goal: CabinetGoal) -> Door:
     )
 
 
-def is_ajar(door: Door, config: DoorConfig) -> bool:
-    """Return whether a door is open so far that it may be let go."""
-    return door.angle_rad > config.ajar_rad and not door.hangs
-
-
-def after_slip(door: Door, config: DoorConfig) -> CabinetPhase:
-    """Return what to do after a lost grip: with a door that is nearly ajar, go on as if it had been let go."""
-    return (
-        CabinetPhase.RELEASE
-        if door.angle_rad > _ENOUGH * config.ajar_rad and not door.hangs
-        else CabinetPhase.APPROACH
-    )
-
-
-def next_phase(phase: CabinetPhase, steps: int, door: Door, tool: Frame, config: DoorConfig) -> CabinetPhase:
-    """Return what follows on `RELEASE`, `AROUND` or `PUSH`, of which so many steps were done."""
+def phase_at(door: Door, tool: Frame, hand: HandAtHandle, config: DoorConfig) -> CabinetPhase | None:
+    """Return what is done with a door that is ajar; None for one that is to be taken, or pulled, by its handle."""
     along, outward = door.coordinates(tool.position)
-    if phase is CabinetPhase.RELEASE:
-        clear = outward > door.grasp_m + config.release_m or steps > config.release_steps
-        return CabinetPhase.AROUND if clear else phase
-    if phase is CabinetPhase.AROUND:
-        is_shut = outward > door.inner_m and door.angle_rad < config.ajar_rad / 2  # pushed, or fallen
-        if is_shut or steps > config.around_steps:
-            return CabinetPhase.APPROACH
-        inside = along < door.edge_m - config.overlap_m / 4 and outward < door.inner_m
-        return CabinetPhase.PUSH if inside else phase
-    has_slipped_off = along > door.edge_m + config.overlap_m / 2 or outward > door.inner_m + _OUTSIDE_M
-    return CabinetPhase.AROUND if has_slipped_off else phase
+    is_behind, is_beside = outward < door.inner_m, along > door.edge_m
+    if door.hangs:
+        return None
+    if is_behind and along < door.edge_m + config.overlap_m / 2 and door.angle_rad > _GAP_RAD:
+        return CabinetPhase.PUSH
+    if is_behind and along < door.edge_m + config.clearance_m:
+        return CabinetPhase.AROUND
+    lost = _NO_WAY if is_behind or is_beside else _ENOUGH
+    if door.angle_rad < config.ajar_rad * (1.0 if hand.is_around else lost):
+        return None
+    if not is_behind and (hand.is_around or _withdraws(door, outward, hand, config)):
+        return CabinetPhase.RELEASE
+    return CabinetPhase.AROUND
+
+
+def _withdraws(door: Door, outward_m: float, hand: HandAtHandle, config: DoorConfig) -> bool:
+    """Return whether an open hand is still on its way back from the handle."""
+    along, across, _ = np.abs(hand.error_m).tolist()
+    near = outward_m < door.grasp_m + config.release_m and across < _BESIDE_M and along < _ALONG_M
+    return near and hand.opening_m > _LET_GO_M
 
 
 def pushing_hand(door: Door, config: DoorConfig) -> np.ndarray:
@@ -183,10 +180,10 @@ def pushing_hand(door: Door, config: DoorConfig) -> np.ndarray:
     return np.stack((np.cross(door.axis, forward), door.axis, forward), axis=1)
 
 
-def pull(
-    door: Door, left_rad: float, grasp: Frame, tool: Frame, config: DoorConfig, gripped_rad: float = 0.0
-) -> Motion:
+def pull(door: Door, left_rad: float, grasp: Frame, tool: Frame, config: DoorConfig) -> Motion:
     """Along the arc, with a hand that follows the door's turning, but for what its grip can pivot.
+
+    On the long way of a flap it follows all of it, and around a wide handle, which the fingers would lose.
 
     Args:
         door: as it is.
@@ -194,25 +191,23 @@ def pull(
         grasp: where the hand should be.
         tool: where the hand is.
         config: values.
-        gripped_rad: angle of the door when the hand closed.
     """
-    pivot = _pivot_rad(door, grasp, tool, config, gripped_rad)
+    stiff = door.hangs or door.grasp_width_m > config.pivot_width_m
+    pivot = 0.0 if stiff else _pivot_rad(door, grasp, tool, config)
     wanted = Frame(grasp.position, axis_rotation(door.axis, -pivot) @ grasp.rotation)
     wanted_rad_s = _wanted_rate(left_rad, config.pull_rate_rad_s, config)
     feed = _feed(door, wanted_rad_s, tool, config.pull_gain, config.pull_speed_m_s)
-    return Motion(wanted, config.correction_m_s, feed)
+    turning = (1.0 if stiff else config.follow) * max(door.rate_rad_s, 0.0)
+    return Motion(wanted, config.correction_m_s, feed, turning * door.axis)
 
 
-def _pivot_rad(door: Door, grasp: Frame, tool: Frame, config: DoorConfig, gripped_rad: float) -> float:
-    """Return by how much a gripping hand is to turn less than the door.
+def _pivot_rad(door: Door, grasp: Frame, tool: Frame, config: DoorConfig) -> float:
+    """Return by how much a gripping hand may be turned less than the door: as it is, up to its share.
 
-    Not at all on the long way of a flap, around a wide handle, which the fingers would lose, or where the door
-    takes the hand along, because the fingertips meet the panel: to resist that would press the door shut.
+    Where the door takes the hand along, because fingertips meet the panel, to resist would press the door shut.
     """
-    most = (1 - config.follow) * (door.angle_rad - gripped_rad)
     now = float(rotation_error(tool.rotation, grasp.rotation) @ door.axis)
-    stiff = door.hangs or door.grasp_width_m > config.pivot_width_m or now < most - config.stuck_rad
-    return 0.0 if stiff else most
+    return min(max(now, 0.0), (1 - config.follow) * max(door.angle_rad, 0.0))
 
 
 def release(door: Door, tool: Frame, config: DoorConfig) -> Motion:
@@ -224,22 +219,32 @@ def release(door: Door, tool: Frame, config: DoorConfig) -> Motion:
 def around(door: Door, tool: Frame, rotation: np.ndarray, config: DoorConfig) -> Motion:
     """From before the door, round its edge, to behind it; `rotation` (3, 3) is the hand's.
 
-    It comes in only when it is turned: its broad side would press the door shut. If it did, it goes back.
+    One way blends into the next: along the door, past its edge, and in. It comes in only when it is turned: its
+    broad side would press the door shut. If it did, it goes back.
     """
     along, outward = door.coordinates(tool.position)
     clear, behind = door.edge_m + config.clearance_m, door.inner_m - config.behind_m
-    is_beside = along > clear - _BEHIND_M
-    if door.angle_rad < config.ajar_rad / 2:
-        point = door.point(clear, door.outer_m if is_beside else outward)
-    elif outward <= behind + _BEHIND_M:
-        turned = float(np.linalg.norm(rotation_error(tool.rotation, rotation))) < _TURNED_RAD
-        is_inside = along < door.edge_m
-        point = door.point(door.edge_m - config.overlap_m if turned or is_inside else clear, behind)
-    elif is_beside:
-        point = door.point(clear, behind)
+    if door.angle_rad < _NO_WAY * config.ajar_rad:
+        point = door.point(clear + _AIM_M, outward)
     else:
-        point = door.point(clear, max(outward, door.outer_m))
+        turn_rad = float(np.linalg.norm(rotation_error(tool.rotation, rotation)))
+        beside = _share(along, clear - 2 * _BLEND_M, clear - _BLEND_M)
+        is_behind = _share(-outward, -behind - 2 * _BLEND_M, -behind - _BLEND_M)
+        enters = max(
+            _share(-turn_rad, -_BROAD_RAD, -_TURNED_RAD), _share(-along, -door.edge_m - _BLEND_M, -door.edge_m)
+        )
+        outside, past = max(outward, door.outer_m), max(beside, is_behind)
+        inwards = is_behind * enters
+        point = door.point(
+            clear + _AIM_M - inwards * (config.clearance_m + _AIM_M + config.overlap_m),
+            outside + past * (behind - _AIM_M - outside),
+        )
     return head_for(Frame(point, rotation), config.around_m_s)
+
+
+def _share(value: float, low: float, high: float) -> float:
+    """Return how far a value is on its way from one to another, 0 to 1."""
+    return min(max((value - low) / (high - low), 0.0), 1.0)
 
 
 def push(door: Door, left_rad: float, tool: Frame, rotation: np.ndarray, config: DoorConfig) -> Motion:

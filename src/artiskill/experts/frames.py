@@ -1,7 +1,7 @@
 """Poses and motions of the hand as an expert reckons with them: one environment, world frame."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import cast
 
 import numpy as np
@@ -38,16 +38,18 @@ class Motion:
         wanted: the pose that it heads for.
         speed_m_s: at most, towards that pose.
         feed_m_s: (3,) velocity on top of that.
+        feed_rad_s: (3,) likewise, angular.
     """
 
     wanted: Frame
     speed_m_s: float
-    feed_m_s: np.ndarray
+    feed_m_s: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    feed_rad_s: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
 
 def head_for(wanted: Frame, speed_m_s: float) -> Motion:
     """Towards a pose that is at rest."""
-    return Motion(wanted, speed_m_s, np.zeros(3))
+    return Motion(wanted, speed_m_s)
 
 
 def tool_frame(snapshot: Snapshot) -> Frame:

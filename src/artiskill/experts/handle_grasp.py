@@ -1,45 +1,56 @@
-"""Taking hold of a handle: where along it, how the hand is turned, where the base stands, when fingers close."""
+"""Taking hold of a handle: where along it, how the hand is turned, where the base stands, when fingers close.
+
+Everything follows from what is measured in the present step. Where a decision must last, the state itself keeps
+it: fingers that close go on closing, a hand that rolls one way comes nearer to that grasp than to any other.
+"""
 
 import math
-from dataclasses import dataclass, fields, replace
-from enum import Enum
+from dataclasses import dataclass, fields
+from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 
 from artiskill.config import check_positive, check_value
 from artiskill.experts.frames import Frame, axis_rotation, rotation_error, yaw_rotation
+from artiskill.geometry.rotations import quat_from_rpy, quat_to_matrix
+from artiskill.robots.arm_config import load_arm
+from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet import CabinetGoal
 
 _HALF_HAND_M = 0.03  # of the fingers along the handle, with what they may be off; they stay so far from its ends
 _AS_DEEP_M = 0.006  # what lies no further from the grasp than this, square to the handle, is as good to grip
-_LAST_JOINT_RAD = (
-    2.6  # the joint that rolls the hand goes so far to both sides for a grasp that is not the nearest
-)
+_LAST_JOINT_RAD = 2.6  # the joint that rolls the hand goes so far to both sides, if there is a choice
 _AHEAD_RAD = 1.2  # a long roll is asked for in parts, lest the hand turns the other way round, into a limit
 _X, _Y, _Z = np.eye(3)
 _MOST_LEAN_RAD = 0.6
-_NEAR_M, _FAR_M = (
-    0.15,
-    0.6,
-)  # distances from where the hand heads for: no detour from here on, all of it up to here
+_NEAR_M, _FAR_M = 0.15, 0.6  # distances from the goal: no detour from here on, all of it up to here
 _LEAST_HEIGHT_M = 0.3  # of a detour: the forearm stays above the floor
 _MOST_BEARING_RAD = 1.0
 _SWING = 1  # the arm's joint that swings it sideways, about the vertical, at its rest posture
 _MAX_TILT_SINE = 0.7
+# Costs of a grasp, per radian: the last joint's way from where it would be by the configuration, its way from
+# where it is (so that a hand that has begun to roll goes on), and its distance from the middle of its range.
+_STRANGE, _FAR, _TWISTED = 1.0, 0.5, 0.3
+_NARROWED_M = 0.006  # fingers that are so much less than wide open have begun to close
+_THIN_M, _EMPTY_M = 0.004, 0.001  # so much less than half of its width, or nothing, is no handle
+_TOUCHING_M, _LOOSE_M = 0.003, 0.012  # beyond its width: what still counts as touching, and then as less and less
+_LEAST_FIRM = 0.2
+_BEFORE_M = 0.07  # nearer to the handle, a hand that is
+_AJAR_M, _NARROW_M = 0.004, 0.008  # narrower than wide by this, then by that more, backs off
 
 
-class CabinetPhase(Enum):
+class CabinetPhase(IntEnum):
     """What the hand is doing; only doors are let go, gone around and pushed."""
 
-    APPROACH = "approach"
-    REACH = "reach"
-    GRIP = "grip"
-    PULL = "pull"
-    RELEASE = "release"
-    AROUND = "around"
-    PUSH = "push"
-    HOLD = "hold"
+    APPROACH = 0
+    GRIP = 1
+    PULL = 2
+    HOLD = 3
+    RELEASE = 4
+    AROUND = 5
+    PUSH = 6
 
 
 @dataclass(frozen=True)
@@ -80,21 +91,21 @@ class GraspConfig:
 
 @dataclass(frozen=True)
 class GripConfig:
-    """When the hand goes on from one phase to the next."""
+    """How the hand comes to a handle, and when its fingers close.
 
-    standoff_m: float  # the hand stops this far in front of the grasp before it reaches around the handle
-    aligned_m: float  # sideways error below which the hand reaches in
-    aligned_rad: float  # orientation error below which the hand reaches in
-    # distance to the grasp below which the fingers close; along the handle, where it matters less, three times as
-    # much
-    grasp_m: float
-    blocked_steps: int  # after so many steps of reaching in, the fingers close where they are, if
-    blocked_m: float  # the hand is at least this near: a panel or moulding behind the handle is in its way
-    # after so many steps of reaching in, the hand tries again, tilted half as much: what leans forward of it has
-    # met something above the handle
-    patience_steps: int
-    slip_m: float  # distance to the grasp above which a grip counts as lost
-    grip_steps: int  # environment steps that the fingers get to close
+    A funnel leads the hand in: the further it is off, sideways or turned, the more of the standoff it keeps.
+    """
+
+    standoff_m: float  # the hand stops this far in front of the grasp while it is off
+    aligned_m: float  # sideways error up to which it reaches in; along the handle, where it matters less, thrice
+    astray_m: float  # sideways error from which it keeps all of the standoff
+    aligned_rad: float  # orientation error up to which it reaches in
+    astray_rad: float  # likewise, from which it keeps all of the standoff
+    grasp_m: float  # distance to the grasp, forward, below which the fingers close
+    # likewise for a hand that stands still: a panel or moulding behind the handle is in its way
+    blocked_m: float
+    still_m_s: float  # a hand that is slower stands still
+    slip_m: float  # distance to the grasp above which the handle is not between the fingers
     # of each finger: those that shut at once shoot into a thin bar, and stick in it. At 0.1, so 5 mm a step, the
     # servo still pushes with all its force
     close_speed_m_s: float
@@ -103,6 +114,8 @@ class GripConfig:
 
     def __post_init__(self) -> None:
         check_positive(self, *(field.name for field in fields(self)))
+        for low, high in (("aligned_m", "astray_m"), ("aligned_rad", "astray_rad")):
+            check_value(self, high, getattr(self, high) > getattr(self, low), f"must exceed {low}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +153,20 @@ class Posture:
         return np.concatenate((base, (yaw, lift), self.arm))
 
 
+def rest_posture(robot: RobotConfig) -> Posture:
+    """Return the posture of the first arm that episodes begin in."""
+    arm, mount, qpos = load_arm(robot.arm), robot.mounts[0], robot.initial.arm_qpos_rad
+    position, rotation = np.array(robot.torso.position_m), np.eye(3)
+    links = [(mount.position_m, mount.rpy_rad), *((joint.position_m, joint.rpy_rad) for joint in arm.joints[1:])]
+    for (offset, rpy), angle in zip(links, qpos, strict=True):
+        position = position + rotation @ offset
+        rotation = rotation @ quat_to_matrix(quat_from_rpy(rpy)) @ yaw_rotation(angle)
+    position = position + rotation @ arm.hand.position_m
+    rotation = rotation @ quat_to_matrix(quat_from_rpy(arm.hand.rpy_rad))
+    pads = np.asarray(arm.finger.position_m) + np.asarray(arm.finger.pad_m)
+    return Posture(np.asarray(qpos), position + rotation @ pads)
+
+
 def approach_point(config: StanceConfig, goal: Frame, position: np.ndarray) -> np.ndarray:
     """Return where a hand goes on its way from a position to a goal, (3,): the detour fades as it comes near."""
     if not config.via_side_m and not config.via_up_m:
@@ -153,86 +180,56 @@ def approach_point(config: StanceConfig, goal: Frame, position: np.ndarray) -> n
     return point
 
 
-@dataclass(frozen=True, eq=False)
-class ChosenGrasp:
-    """The grasp of one episode.
+def grasp_pose(
+    config: GraspConfig, snapshot: Snapshot, goal: CabinetGoal, last_joint: int, rest_rad: float
+) -> Frame:
+    """Return the pose of a hand that grips the handle (B = 1).
 
-    Attributes:
-        config: see there.
-        shift: (3,) from the handle's middle to where it is gripped, in the link's frame.
-        number: of the orientation; None for the one that is nearest to the hand at each instant.
-        last_joint_rad: where the joint that rolls the hand will be.
+    Args:
+        config: where and how it is gripped.
+        snapshot: of this step.
+        goal: what is asked for.
+        last_joint: the joint that rolls the hand.
+        rest_rad: where that joint is in the arm's posture.
     """
-
-    config: GraspConfig
-    shift: np.ndarray
-    number: int | None = None
-    last_joint_rad: float = 0.0
-
-    @property
-    def is_default(self) -> bool:
-        """Whether it is `default_grasp()`."""
-        leans = self.config.lean_along_rad or self.config.lean_across_rad
-        return not (leans or self.shift.any()) and self.number is None
-
-    def on(self, goal: CabinetGoal) -> CabinetGoal:
-        """Return the goal with its grasps where the handle is gripped."""
-        if not self.shift.any():
-            return goal
-        return replace(goal, grasp_positions=goal.grasp_positions + self.shift)
-
-    def frame(self, snapshot: Snapshot, goal: CabinetGoal, last_joint: int) -> Frame:
-        """Return the grasp pose in the world (B = 1); `goal` as `on` returns it, `last_joint` rolls the hand."""
-        position, candidates = _grasps(snapshot, goal)
-        if self.number is None:
-            likeness = np.einsum("gij,ij->g", candidates, snapshot.tool_rotation_w[0, 0])
-            return Frame(position, candidates[int(np.argmax(likeness))])
-        rotation = candidates[self.number]
-        left = self.last_joint_rad - float(snapshot.robot_qpos[0, last_joint])
-        if abs(left) > _AHEAD_RAD + math.pi / 4:
-            rotation = rotation @ axis_rotation(_Z, math.copysign(_AHEAD_RAD, left) - left)
-        return Frame(position, rotation)
-
-    def leaning(self, frame: Frame) -> Frame:
-        """Return a pose whose hand leans as the configuration says."""
-        config, rotation = self.config, frame.rotation
-        if config.lean_along_rad:
-            rotation = rotation @ axis_rotation(_X, config.lean_along_rad)
-        if config.lean_across_rad:
-            rotation = rotation @ axis_rotation(_Y, config.lean_across_rad)
-        return frame if rotation is frame.rotation else Frame(frame.position, rotation)
-
-
-def default_grasp() -> ChosenGrasp:
-    """In the handle's middle, squarely, with the hand as little turned as can be."""
-    return ChosenGrasp(GraspConfig(along=0.0, roll_rad=0.0, lean_along_rad=0.0, lean_across_rad=0.0), np.zeros(3))
-
-
-def choose_grasp(config: GraspConfig, snapshot: Snapshot, goal: CabinetGoal, last_joint: int) -> ChosenGrasp:
-    """Return the grasp of an episode at its first state (B = 1); `last_joint` rolls the hand."""
-    shift = np.zeros(3) if not config.along else _shift(goal, config.along)
-    if not config.roll_rad:
-        return ChosenGrasp(config, shift)
-    tool = snapshot.tool_rotation_w[0, 0]
-    now = float(snapshot.robot_qpos[0, last_joint])
-    _, candidates = _grasps(snapshot, goal)
-    best, found = math.inf, ChosenGrasp(config, shift)
-    for number, candidate in enumerate(candidates):
-        relative = tool.T @ candidate
-        roll = math.atan2(relative[1, 0], relative[0, 0])
-        for turn in (roll, roll - math.copysign(2 * math.pi, roll)):
-            off = abs(turn - config.roll_rad)
-            if abs(now + turn) <= _LAST_JOINT_RAD and off < best:
-                best, found = off, ChosenGrasp(config, shift, number, now + turn)
-    return found
-
-
-def _grasps(snapshot: Snapshot, goal: CabinetGoal) -> tuple[np.ndarray, np.ndarray]:
-    """Position (3,) and all orientations (G, 3, 3) in the world."""
     link = int(goal.link[0])
-    rotation = snapshot.link_rotation_w[0, link]
-    position = snapshot.link_position_w[0, link] + rotation @ goal.grasp_positions[0, 0]
-    return position, rotation @ goal.grasp_rotations[0]
+    rotation, point = snapshot.link_rotation_w[0, link], goal.grasp_positions[0, 0]
+    if config.along:
+        point = point + _shift(goal, config.along)
+    position = snapshot.link_position_w[0, link] + rotation @ point
+    candidates = rotation @ goal.grasp_rotations[0]
+    now = float(snapshot.robot_qpos[0, last_joint])
+    turned = nearest_roll(candidates, snapshot.tool_rotation_w[0, 0], now, rest_rad + config.roll_rad)
+    if config.lean_along_rad:
+        turned = turned @ axis_rotation(_X, config.lean_along_rad)
+    if config.lean_across_rad:
+        turned = turned @ axis_rotation(_Y, config.lean_across_rad)
+    return Frame(position, turned)
+
+
+def nearest_roll(candidates: np.ndarray, tool: np.ndarray, now_rad: float, wanted_rad: float) -> np.ndarray:
+    """Return the best of some rotations of the hand, (3, 3), or a part of the way there if that is long.
+
+    Args:
+        candidates: (G, 3, 3) of the hand.
+        tool: (3, 3) the hand as it is.
+        now_rad: where the joint is that rolls the hand.
+        wanted_rad: where it should be.
+    """
+    best, chosen, turn = math.inf, candidates[0], 0.0
+    relative = tool.T @ candidates
+    for number, roll in enumerate(
+        np.arctan2(relative[:, 1, 0] - relative[:, 0, 1], relative[:, 0, 0] + relative[:, 1, 1]).tolist()
+    ):
+        for left in (roll, roll - math.copysign(2 * math.pi, roll)):
+            end = now_rad + left
+            cost = _STRANGE * abs(end - wanted_rad) + _FAR * abs(left) + _TWISTED * abs(end)
+            cost += 100 * max(0.0, abs(end) - _LAST_JOINT_RAD)
+            if cost < best:
+                best, chosen, turn = cost, candidates[number], left
+    if abs(turn) > _AHEAD_RAD + math.pi / 4:
+        chosen = chosen @ axis_rotation(_Z, math.copysign(_AHEAD_RAD, turn) - turn)
+    return chosen
 
 
 def _shift(goal: CabinetGoal, share: float) -> np.ndarray:
@@ -247,49 +244,114 @@ def _shift(goal: CabinetGoal, share: float) -> np.ndarray:
     return found
 
 
-def tilted(frame: Frame, share: float, rest_height_m: float, config: GripConfig) -> Frame:
+def tilted(frame: Frame, rest_height_m: float, config: GripConfig) -> Frame:
     """Return a pose whose hand comes from above, for heights below the lift's lowest reach.
 
     Args:
         frame: the pose, not pointing straight up or down.
-        share: of the tilt of an arm that keeps its shape.
         rest_height_m: of the tool over the lift, the arm being at rest.
         config: values.
     """
-    drop = share * np.clip((rest_height_m - frame.position[2]) / config.arm_reach_m, 0.0, _MAX_TILT_SINE)
+    drop = float(np.clip((rest_height_m - frame.position[2]) / config.arm_reach_m, 0.0, _MAX_TILT_SINE))
     if drop <= 0:
         return frame
     x, y, _ = frame.forward
-    return Frame(frame.position, axis_rotation(np.array((-y, x, 0.0)), float(np.arcsin(drop))) @ frame.rotation)
+    return Frame(frame.position, axis_rotation(np.array((-y, x, 0.0)), math.asin(drop)) @ frame.rotation)
 
 
-def after_approach(tool: Frame, grasp: Frame, config: GripConfig) -> CabinetPhase:
-    """Return whether the hand stands before the handle."""
-    error, angle = _errors(tool, grasp)
-    aligned = float(np.hypot(error[0], error[1])) < config.aligned_m and angle < config.aligned_rad
-    near = error[2] < 2 * config.standoff_m
-    return CabinetPhase.REACH if aligned and near else CabinetPhase.APPROACH
+@dataclass(frozen=True, eq=False)
+class HandAtHandle:
+    """How a hand stands to its grasp, as far as the fingers' business goes.
+
+    Attributes:
+        config: values.
+        error_m: (3,) from the tool's centre to the grasp in the hand's frame: along the handle, across, forward.
+        turn_rad: angle to the grasp's orientation.
+        speed_m_s: of the fingertips, forward.
+        opening_m: between the fingers.
+        width_m: of the handle between the fingers.
+        wide_m: of the opening that goes around it.
+    """
+
+    config: GripConfig
+    error_m: np.ndarray
+    turn_rad: float
+    speed_m_s: float
+    opening_m: float
+    width_m: float
+    wide_m: float
+
+    @cached_property
+    def is_around(self) -> bool:
+        """Whether the handle is between the fingers, or just before them."""
+        along, across, forward = np.abs(self.error_m).tolist()
+        slip = self.config.slip_m
+        return bool(math.hypot(across, forward) < slip and across < 2 / 3 * slip and along < 4 / 3 * slip)
+
+    @property
+    def has_narrowed(self) -> bool:
+        """Whether the fingers have begun to close."""
+        return self.opening_m < self.wide_m - _NARROWED_M
+
+    @property
+    def is_filled(self) -> bool:
+        """Whether the fingers are so far apart that the handle can be between them."""
+        return self.opening_m > max(self.width_m / 2 - _THIN_M, _EMPTY_M)
+
+    @property
+    def holds(self) -> bool:
+        """Whether the fingers close on the handle."""
+        return self.is_around and self.has_narrowed and self.is_filled
+
+    @property
+    def firmness(self) -> float:
+        """How firmly they hold it: 1 where they touch it on both sides; never 0, lest they wait for ever."""
+        gap = self.opening_m - self.width_m
+        return min(max(1.0 - (gap - _TOUCHING_M) / _LOOSE_M, _LEAST_FIRM), 1.0)
+
+    @property
+    def may_close(self) -> bool:
+        """Whether it is time to begin to close the fingers."""
+        along, across, forward = np.abs(self.error_m).tolist()
+        config = self.config
+        if self.has_narrowed:
+            return False
+        is_in = forward < config.grasp_m or (forward < config.blocked_m and abs(self.speed_m_s) < config.still_m_s)
+        near = across < config.aligned_m and along < 3 * config.aligned_m
+        return is_in and near and self.turn_rad < (config.aligned_rad + config.astray_rad) / 2
+
+    @property
+    def standoff(self) -> float:
+        """Share of the standoff that the hand keeps: 0 when it is aligned and open, 1 when it is astray."""
+        along, across, forward = self.error_m.tolist()
+        config = self.config
+        aside = (math.hypot(along / 3, across) - config.aligned_m) / (config.astray_m - config.aligned_m)
+        turned = (self.turn_rad - config.aligned_rad) / (config.astray_rad - config.aligned_rad)
+        # fingers that are too narrow would run into the handle
+        narrow = (self.wide_m - self.opening_m - _AJAR_M) / _NARROW_M if abs(forward) < _BEFORE_M else 0.0
+        return min(max(aside, turned, narrow, 0.0), 1.0)
 
 
-def after_reach(tool: Frame, grasp: Frame, steps: int, patience_steps: int, config: GripConfig) -> CabinetPhase:
-    """Return the phase after so many steps of reaching in: the fingers close, it goes on, or it tries again."""
-    error, angle = _errors(tool, grasp)
-    along, across, forward = np.abs(error)
-    lost = across > 3 * config.aligned_m or angle > 3 * config.aligned_rad
-    if lost or steps >= patience_steps:
-        return CabinetPhase.APPROACH
-    near = across < config.grasp_m and along < 3 * config.grasp_m
-    blocked = steps >= config.blocked_steps and forward < config.blocked_m
-    return CabinetPhase.GRIP if near and (forward < config.grasp_m or blocked) else CabinetPhase.REACH
+def hand_at_handle(
+    snapshot: Snapshot, grasp: Frame, width_m: float, first_finger: int, most_m: float, config: GripConfig
+) -> HandAtHandle:
+    """Return how the first arm's hand stands to a grasp (B = 1).
 
-
-def has_slipped(tool: Frame, grasp: Frame, config: GripConfig) -> bool:
-    """Return whether a closed hand holds the handle no more."""
-    error, _ = _errors(tool, grasp)
-    return float(np.linalg.norm(error[1:])) > config.slip_m
-
-
-def _errors(tool: Frame, grasp: Frame) -> tuple[np.ndarray, float]:
-    """Return the error in the hand's frame, (3,), x along the handle and z forward; and that of rotation."""
-    error = tool.rotation.T @ (grasp.position - tool.position)
-    return error, float(np.linalg.norm(rotation_error(tool.rotation, grasp.rotation)))
+    Args:
+        snapshot: of this step.
+        grasp: where the hand is to be.
+        width_m: of the handle.
+        first_finger: the joint of the hand's first finger.
+        most_m: the widest opening of the hand.
+        config: values.
+    """
+    tool, fingers = snapshot.tool_rotation_w[0, 0], slice(first_finger, first_finger + 2)
+    return HandAtHandle(
+        config=config,
+        error_m=tool.T @ (grasp.position - snapshot.tool_position_w[0, 0]),
+        turn_rad=float(np.linalg.norm(rotation_error(tool, grasp.rotation))),
+        speed_m_s=float(snapshot.fingertip_velocity_w[0, :2].mean(axis=0) @ tool[:, 2]),
+        opening_m=float(snapshot.robot_qpos[0, fingers].sum()),
+        width_m=width_m,
+        wide_m=min(most_m, width_m + 2 * config.finger_clearance_m),
+    )

@@ -1,47 +1,44 @@
-"""The expert of the cabinet tasks: approach the handle, reach around it, grip, pull along the joint, be still.
+"""The expert of the cabinet tasks: approach the handle, grip, pull along the joint, be still.
 
-Closed loop: every step it looks where the hand is relative to the handle and decides anew; a grip that slips is
-taken again. Doors it pulls ajar and then pushes open from inside (`experts.door_opening`). It reads the snapshot
-and the goal, nothing else.
+Closed loop, and without memory: every step it looks where the hand is relative to the handle and decides anew; a
+grip that slips is taken again. So it can say what to do in any state, also in one that somebody else came into.
+Doors it pulls ajar and then pushes open from inside (`experts.door_opening`). It reads the snapshot and the goal,
+nothing else.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from artiskill.config import CONFIG_DIR, check_inside, check_positive, load_config
 from artiskill.experts import door_opening
+from artiskill.experts.command import Command, CommandController, Grip
 from artiskill.experts.door_opening import Door, DoorConfig, door_of
-from artiskill.experts.frames import Frame, Motion, head_for, limited, rotation_error, tool_frame, yaw_rotation
+from artiskill.experts.frames import Frame, Motion, head_for, limited, rotation_error, tool_frame
 from artiskill.experts.handle_grasp import (
     CabinetPhase,
     GraspConfig,
     GripConfig,
-    Posture,
+    HandAtHandle,
     StanceConfig,
-    after_approach,
-    after_reach,
     approach_point,
-    choose_grasp,
-    default_grasp,
-    has_slipped,
+    grasp_pose,
+    hand_at_handle,
+    nearest_roll,
+    rest_posture,
     tilted,
 )
-from artiskill.experts.whole_body import WholeBodyConfig, WholeBodyController
+from artiskill.experts.whole_body import TRUNK, WholeBodyConfig, WholeBodyController
+from artiskill.robots.arm_config import load_arm
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet import CabinetGoal
 
-_OPEN_HANDED = (CabinetPhase.APPROACH, CabinetPhase.REACH)
-_GRIPPING = (
-    CabinetPhase.PULL,
-    CabinetPhase.HOLD,
-)  # with all their force; in other phases fingers are on their way
+_OPEN_HANDED = (CabinetPhase.APPROACH, CabinetPhase.RELEASE)
 _INTO_LIMIT_M = 0.01  # pulling aims so far beyond where it stops, lest it creeps there
 _INTO_LIMIT_RAD = 0.03
 _HALF_TURN = np.diag((-1.0, -1.0, 1.0))  # of a hand about its own z axis
-_AJAR_RAD = 0.05  # a door that is less open when it is gripped counts as closed
-_SPARE_STEPS = 10  # of reaching in
+_MOVES = 0.1  # m/s or rad/s of a joint: what is held moves along
 _UPRIGHT = 0.5  # cosine to the vertical above which a hinge counts as upright
 
 
@@ -77,6 +74,7 @@ class _Situation:
     goal: CabinetGoal
     tool: Frame
     grasp: Frame
+    hand: HandAtHandle
     door: Door | None
     left: float
 
@@ -89,197 +87,144 @@ class OpenCabinetExpert:
         config: values; by default those that come with the package.
 
     Attributes:
-        phase: what the hand is doing.
+        phases: names of the parts of the work, which commands number.
+        controller: carries commands out.
     """
+
+    phases = tuple(phase.name.lower() for phase in CabinetPhase)
 
     def __init__(self, robot: RobotConfig, config: OpenCabinetExpertConfig | None = None) -> None:
         self.config = config or load_config(OpenCabinetExpertConfig, CONFIG_DIR / "experts" / "open_cabinet.yaml")
-        self.controller = WholeBodyController(robot, self.config.whole_body)
-        self.phase = CabinetPhase.APPROACH
-        self._last_joint = self.controller.num_joints - 1
-        self._rest_arm = np.asarray(robot.initial.arm_qpos_rad)
-        self._mount_m = np.asarray(robot.mounts[0].position_m)
-        self._max_opening = float(self.controller.scale.half_range[-1] * 2)
-        self._rest = self._stance = Posture(self._rest_arm, np.zeros(3))
-        self._grasp = default_grasp()
-        self._begin()
-
-    def _begin(self) -> None:
-        self.phase, self._steps_in_phase = CabinetPhase.APPROACH, 0
-        self._before_hold = CabinetPhase.PULL
-        self._held: Frame | None = None  # where the hand holds still
-        self._flipped, self._tilt = False, 1.0
-        self._is_second_try = False  # the first one with default grasp and stance, after others
-        self._gripped_rad = 0.0  # angle of the door when the hand closed
+        rest = rest_posture(robot)
+        self._stance = rest.turned(self.config.stance.bearing_rad, np.asarray(robot.mounts[0].position_m))
+        self._last_joint = TRUNK + len(rest.arm) - 1
+        self._widest_m = load_arm(robot.arm).finger.range_m[1]
+        self.controller = CommandController(
+            WholeBodyController(robot, self.config.whole_body),
+            self._stance.arm,
+            self.config.grip.close_speed_m_s,
+            rolls=True,  # the last joint rolls the hand as the handle asks
+        )
 
     def reset(self, snapshot: Snapshot, goal: CabinetGoal) -> None:
-        """Begin an episode at its first state, in which the arm is at rest (B = 1)."""
-        self._begin()
-        x, y, yaw, lift = snapshot.robot_qpos[0, :4]
-        offset = yaw_rotation(-yaw) @ (snapshot.tool_position_w[0, 0] - (x, y, lift))
-        self._rest = Posture(self._rest_arm, offset)
-        self._stance = self._rest.turned(self.config.stance.bearing_rad, self._mount_m)
-        self._grasp = choose_grasp(self.config.grasp, snapshot, goal, self._last_joint)
+        """Begin an episode; there is nothing to remember."""
 
     def act(self, snapshot: Snapshot, goal: CabinetGoal) -> np.ndarray:
         """Return the next action, (R,) in [-1, 1]."""
+        return self.controller.action(snapshot, self.command(snapshot, goal))
+
+    def command(self, snapshot: Snapshot, goal: CabinetGoal) -> Command:
+        """Return what is to be done in a state (B = 1), whoever brought it about."""
         now = self._look(snapshot, goal)
-        phase = self._next_phase(now)
-        if phase is self.phase:
-            self._steps_in_phase += 1
-        else:
-            self._enter(phase, now)
-        motion = self._motion(now)
-        posture = self._posture_velocity(snapshot, motion.wanted)
-        qvel = self.controller.joint_velocities(snapshot, self._twist(now.tool, motion)[None], posture)
-        return self.controller.to_action(snapshot, qvel, self._fingers(now))
+        phase = self._phase(now)
+        motion = self._motion(phase, now)
+        twist = np.zeros(6) if phase is CabinetPhase.HOLD else self._twist(now.tool, motion)
+        trunk = np.zeros(TRUNK) if phase is CabinetPhase.HOLD else self._trunk_qvel(snapshot, motion.wanted)
+        wide = 2 * self._widest_m if phase is CabinetPhase.RELEASE else now.hand.wide_m
+        return Command(
+            phase=int(phase),
+            twists=twist[None],
+            trunk_qvel=trunk,
+            arm_gain_s=0.0 if phase is CabinetPhase.HOLD else self.config.posture_gain_s,
+            grip=np.array([Grip.OPEN if phase in _OPEN_HANDED else Grip.CLOSING]),
+            width_m=np.array([wide / 2]),
+        )
 
     def _look(self, snapshot: Snapshot, goal: CabinetGoal) -> _Situation:
-        goal = self._grasp.on(goal)
-        grasp = self._grasp.frame(snapshot, goal, self._last_joint)
-        stop = goal.open_qpos[0] + self.config.overshoot * (goal.upper[0] - goal.open_qpos[0])
+        config, last = self.config, self._last_joint
+        grasp = self._tilted(grasp_pose(config.grasp, snapshot, goal, last, float(self._stance.arm[-1])))
+        stop = goal.open_qpos[0] + config.overshoot * (goal.upper[0] - goal.open_qpos[0])
+        width = float(goal.grasp_width_m[0])
         return _Situation(
             snapshot=snapshot,
             goal=goal,
             tool=tool_frame(snapshot),
-            grasp=self._grasp.leaning(self._tilted(grasp)),
+            grasp=grasp,
+            hand=hand_at_handle(snapshot, grasp, width, last + 1, 2 * self._widest_m, config.grip),
             door=door_of(snapshot, goal) if goal.turns[0] else None,
             left=float(stop - snapshot.object_qpos[0, int(goal.joint[0])]),
         )
 
     def _tilted(self, frame: Frame) -> Frame:
         """Return a pose whose hand comes from above where that is low."""
-        return tilted(frame, self._tilt, self._rest.tool_offset[2], self.config.grip)
+        return tilted(frame, self._stance.tool_offset[2], self.config.grip)
 
-    def _next_phase(self, now: _Situation) -> CabinetPhase:
-        phase, steps = self.phase, self._steps_in_phase
-        if phase is CabinetPhase.APPROACH:
-            return after_approach(now.tool, now.grasp, self.config.grip)
-        if phase is CabinetPhase.REACH:
-            return after_reach(now.tool, now.grasp, steps, self._patience(now), self.config.grip)
-        if phase in (CabinetPhase.GRIP, CabinetPhase.PULL) and has_slipped(now.tool, now.grasp, self.config.grip):
-            return door_opening.after_slip(now.door, self.config.door) if now.door else CabinetPhase.APPROACH
-        if phase is CabinetPhase.GRIP:
-            return CabinetPhase.PULL if steps >= self.config.grip.grip_steps else phase
+    def _phase(self, now: _Situation) -> CabinetPhase:
+        """Return which part of the work a state belongs to."""
         if now.left <= 0:
             return CabinetPhase.HOLD
+        if now.door is not None:
+            phase = door_opening.phase_at(now.door, now.tool, now.hand, self.config.door)
+            if phase is not None:
+                return phase
+        if now.hand.holds:
+            return CabinetPhase.PULL
+        return CabinetPhase.GRIP if now.hand.may_close else CabinetPhase.APPROACH
+
+    def _motion(self, phase: CabinetPhase, now: _Situation) -> Motion:
+        if phase is CabinetPhase.APPROACH:
+            return self._approach_motion(now)
+        if phase is CabinetPhase.GRIP:
+            return head_for(now.grasp, self.config.reach_speed_m_s)
         if phase is CabinetPhase.HOLD:
-            return self._before_hold
-        if now.door is None:
-            return phase
-        if phase is CabinetPhase.PULL:
-            return CabinetPhase.RELEASE if door_opening.is_ajar(now.door, self.config.door) else phase
-        return door_opening.next_phase(phase, steps, now.door, now.tool, self.config.door)
+            return head_for(now.tool, self.config.reach_speed_m_s)
+        return self._slide_motion(now) if now.door is None else self._door_motion(phase, now, now.door)
 
-    def _enter(self, phase: CabinetPhase, now: _Situation) -> None:
-        """Begin another phase, and remember what it needs to know about its beginning."""
-        before, steps = self.phase, self._steps_in_phase
-        gave_up = before is CabinetPhase.REACH and steps >= self._patience(now)
-        if phase is CabinetPhase.APPROACH and (gave_up or before is not CabinetPhase.REACH):
-            self._try_again(gave_up)
-        if phase is CabinetPhase.GRIP and now.door is not None:
-            self._gripped_rad = now.door.angle_rad if now.door.angle_rad > _AJAR_RAD else 0.0
-        if phase is CabinetPhase.HOLD:
-            self._before_hold, self._held = before, now.tool
-        if phase is CabinetPhase.AROUND and before is not CabinetPhase.PUSH:
-            self._flipped = self._should_flip(now)
-        self.phase, self._steps_in_phase = phase, 0
-
-    def _try_again(self, gave_up: bool) -> None:
-        """Come anew: with default grasp and stance; if those failed to reach the handle, nearer to level."""
-        if gave_up and self._is_default:
-            self._tilt /= 2
-        self._is_second_try = not self._is_default
-        self._grasp, self._stance = default_grasp(), self._rest
-
-    @property
-    def _is_default(self) -> bool:
-        """Whether grasp and stance are the default ones."""
-        return self._grasp.is_default and not self._stance.bearing_rad
-
-    def _patience(self, now: _Situation) -> int:
-        """Return the steps that reaching in may take; with a varied grasp or stance hardly more than it needs."""
-        config = self.config
-        if self._is_default and not self._is_second_try:
-            return config.grip.patience_steps
-        needed = config.grip.standoff_m / (config.reach_speed_m_s * now.snapshot.step_s)
-        least = config.grip.blocked_steps + 1  # by then the fingers may close where they are
-        return min(config.grip.patience_steps, max(int(needed) + _SPARE_STEPS, least))
-
-    def _should_flip(self, now: _Situation) -> bool:
-        """Return whether the pushing hand should be turned by half, so that the last joint stays in its range."""
-        assert now.door is not None
-        relative = now.tool.rotation.T @ door_opening.pushing_hand(now.door, self.config.door)
-        roll = float(np.arctan2(relative[1, 0], relative[0, 0]))
-        last = float(now.snapshot.robot_qpos[0, self._last_joint])
-        return abs(last + roll - np.sign(roll) * np.pi) < abs(last + roll)
-
-    def _fingers(self, now: _Situation) -> np.ndarray:
-        """Return positions that the fingers are asked for, (1, 2)."""
-        grip = self.config.grip
-        if self.phase in _GRIPPING:
-            return np.zeros((1, 2))
-        if self.phase is CabinetPhase.RELEASE:
-            return np.full((1, 2), self._max_opening)
-        if self.phase in _OPEN_HANDED:
-            wide = now.goal.grasp_width_m[0] / 2 + grip.finger_clearance_m
-            return np.full((1, 2), min(self._max_opening, wide))
-        return self.controller.closing_m(now.snapshot, grip.close_speed_m_s)
-
-    def _motion(self, now: _Situation) -> Motion:
-        config, grasp = self.config, now.grasp
-        if self.phase is CabinetPhase.APPROACH:
-            before = Frame(grasp.position - config.grip.standoff_m * grasp.forward, grasp.rotation)
-            point = approach_point(config.stance, before, now.tool.position)
-            return head_for(Frame(point, grasp.rotation), config.approach_speed_m_s)
-        if self.phase in (CabinetPhase.REACH, CabinetPhase.GRIP):
-            return head_for(grasp, config.reach_speed_m_s)
-        if self.phase is CabinetPhase.HOLD:
-            return head_for(self._held or now.tool, config.reach_speed_m_s)
-        return self._slide_motion(now) if now.door is None else self._door_motion(now, now.door)
+    def _approach_motion(self, now: _Situation) -> Motion:
+        """To the handle through the funnel before it."""
+        config, grasp, share = self.config, now.grasp, now.hand.standoff
+        before = Frame(grasp.position - share * config.grip.standoff_m * grasp.forward, grasp.rotation)
+        speed = config.reach_speed_m_s + share * (config.approach_speed_m_s - config.reach_speed_m_s)
+        return head_for(Frame(approach_point(config.stance, before, now.tool.position), grasp.rotation), speed)
 
     def _slide_motion(self, now: _Situation) -> Motion:
         """Pulling a drawer."""
         config = self.config
         speed = np.clip(config.position_gain_s * (now.left + _INTO_LIMIT_M), 0.0, config.pull_speed_m_s)
+        speed *= self._firmness(now)
         axis = now.snapshot.link_rotation_w[0, int(now.goal.link[0])] @ now.goal.joint_axis[0]
         return Motion(Frame(now.grasp.position, now.tool.rotation), config.reach_speed_m_s, speed * axis)
 
-    def _door_motion(self, now: _Situation, door: Door) -> Motion:
+    def _firmness(self, now: _Situation) -> float:
+        """Share of the speed with which to pull: all of it on what moves along, else by how firm the grip is."""
+        speed = float(now.snapshot.object_qvel[0, int(now.goal.joint[0])])
+        return max(now.hand.firmness, min(speed / _MOVES, 1.0))
+
+    def _door_motion(self, phase: CabinetPhase, now: _Situation, door: Door) -> Motion:
         """Pulling, letting go of, going around and pushing a door."""
         config, left = self.config.door, now.left + _INTO_LIMIT_RAD
-        if self.phase is CabinetPhase.PULL:
-            return door_opening.pull(door, left, now.grasp, now.tool, config, self._gripped_rad)
-        if self.phase is CabinetPhase.RELEASE:
+        if phase is CabinetPhase.PULL:
+            pulling = door_opening.pull(door, left, now.grasp, now.tool, config)
+            return replace(pulling, feed_m_s=self._firmness(now) * pulling.feed_m_s)
+        if phase is CabinetPhase.RELEASE:
             return door_opening.release(door, now.tool, config)
-        hand = self._pushing_hand(door)
-        if self.phase is CabinetPhase.AROUND:
+        hand = self._pushing_hand(now, door)
+        if phase is CabinetPhase.AROUND:
             return door_opening.around(door, now.tool, hand, config)
         return door_opening.push(door, left, now.tool, hand, config)
 
-    def _pushing_hand(self, door: Door) -> np.ndarray:
-        """Rotation (3, 3) of the hand that pushes."""
+    def _pushing_hand(self, now: _Situation, door: Door) -> np.ndarray:
+        """Rotation (3, 3) of the hand that pushes; either side of it may, as the last joint likes it."""
         rotation = door_opening.pushing_hand(door, self.config.door)
-        rotation = rotation @ _HALF_TURN if self._flipped else rotation
+        last = float(now.snapshot.robot_qpos[0, self._last_joint])
+        rotation = nearest_roll(np.stack((rotation, rotation @ _HALF_TURN)), now.tool.rotation, last, last)
         upright = abs(door.axis[2]) > _UPRIGHT  # else it points up or down as the flap asks
         return self._tilted(Frame(door.hinge, rotation)).rotation if upright else rotation
 
     def _twist(self, tool: Frame, motion: Motion) -> np.ndarray:
-        """Return the hand's velocity, (6,)."""
+        """Return the hand's velocity in its own axes, (6,)."""
         config, wanted = self.config, motion.wanted
         towards = config.position_gain_s * (wanted.position - tool.position)
         turn = config.rotation_gain_s * rotation_error(tool.rotation, wanted.rotation)
         linear = limited(towards, motion.speed_m_s) + motion.feed_m_s
-        return np.concatenate((linear, limited(turn, config.turn_speed_rad_s)))
+        angular = limited(turn, config.turn_speed_rad_s) + motion.feed_rad_s
+        return np.concatenate((tool.rotation.T @ linear, tool.rotation.T @ angular))
 
-    def _posture_velocity(self, snapshot: Snapshot, wanted: Frame) -> np.ndarray:
-        """Towards the base pose and lift from which the arm in its posture would reach the wanted pose."""
-        qpos = snapshot.robot_qpos[0, : self.controller.num_joints]
-        if self.phase is CabinetPhase.HOLD:
-            return np.zeros_like(qpos)
-        let_go = self.phase in (CabinetPhase.RELEASE, CabinetPhase.AROUND, CabinetPhase.PUSH)
-        posture = (self._rest if let_go else self._stance).joints(wanted)
-        posture[-1] = qpos[-1]  # the last joint rolls the hand as the handle asks
-        error = posture - qpos
+    def _trunk_qvel(self, snapshot: Snapshot, wanted: Frame) -> np.ndarray:
+        """Towards the base pose and lift from which the arm in its posture would reach the wanted pose, (4,)."""
+        error = self._stance.joints(wanted)[:TRUNK] - snapshot.robot_qpos[0, :TRUNK]
+        cos, sin = np.cos(snapshot.robot_qpos[0, 2]), np.sin(snapshot.robot_qpos[0, 2])
+        error[:2] = cos * error[0] + sin * error[1], cos * error[1] - sin * error[0]
         error[2] = np.arctan2(np.sin(error[2]), np.cos(error[2]))
-        return self.config.posture_gain_s * error
+        trunk: np.ndarray = self.config.posture_gain_s * error
+        return trunk

@@ -1,0 +1,33 @@
+"""Experts go on from any state: in the midst of what a poor student, or nobody in particular, has done."""
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from artiskill.assets.catalog import list_objects
+
+TASKS = ("OpenCabinetDrawer", "OpenCabinetDoor")
+LEAST = 0.95
+
+
+@pytest.fixture(scope="module")
+def tool(root: Path) -> ModuleType:
+    """`tools/measure_takeover.py`."""
+    spec = importlib.util.spec_from_file_location("measure_takeover", root / "tools" / "measure_takeover.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("beginner", ["student", "noise"])
+@pytest.mark.parametrize("task", TASKS)
+def test_an_expert_takes_over(tool: ModuleType, task: str, beginner: str) -> None:
+    """One level of every training target; docs/experts.md has more."""
+    played = list(tool.outcomes(task, list_objects(split="train", task=task), beginner, range(1)))
+    failed = [(one.object, one.target) for one in played if not one.solved]
+    assert len(failed) <= (1 - LEAST) * len(played), failed

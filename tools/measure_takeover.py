@@ -1,0 +1,119 @@
+"""Measure how experts go on from where somebody else left the robot: `python tools/measure_takeover.py TASK ...`.
+
+For some steps, as many as the level draws from 0 to 120, another acts: `noise` drives every joint at random, with
+a constant lean; a `student` does what the expert would, but slowly, with a lean, and shaking. Then the expert has
+200 steps. Prints a table: solved, steps of the expert, and the targets that were solved least.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from artiskill.assets.catalog import list_objects, load_object
+from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.experts.registry import make_expert
+from artiskill.gallery.facts import markdown
+
+MOST_STEPS, EXPERT_STEPS = 120, 200
+BIAS, SHAKE, SHARE = 0.1, 0.3, 0.6  # of a student: its lean and noise in an action, what it does of what is wanted
+NOISE_BIAS, NOISE = 0.5, 0.5
+Beginner = Callable[[np.ndarray, np.ndarray, np.random.Generator], np.ndarray]
+
+
+def student(wanted: np.ndarray, lean: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return the action of a student, given the expert's."""
+    return SHARE * wanted + BIAS * lean + SHAKE * rng.normal(size=wanted.size)
+
+
+def noise(wanted: np.ndarray, lean: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return a random action."""
+    return NOISE_BIAS * lean + NOISE * rng.normal(size=wanted.size)
+
+
+BEGINNERS: dict[str, Beginner] = {"nobody": lambda wanted, lean, rng: wanted, "student": student, "noise": noise}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of one episode; `steps` are the expert's."""
+
+    object: str
+    target: str
+    level: int
+    solved: bool
+    steps: int
+
+
+def taken_over(env: ManipulationEnv, name: str, target: str, level: int, beginner: str) -> Outcome:
+    """Play one level; `env` has time for both."""
+    env.reset(options={"object": name, "target": target, "level": level})
+    rng = np.random.default_rng([level, list(BEGINNERS).index(beginner)])
+    lean, expert = rng.normal(size=env.action_space.shape), make_expert(env.task.name, env.task.robot)
+    begins = 0 if beginner == "nobody" else int(rng.integers(0, MOST_STEPS + 1))
+    expert.reset(env.snapshot, env.goal)
+    solved = False
+    for step in range(begins + EXPERT_STEPS):
+        action = expert.act(env.snapshot, env.goal)
+        if step < begins:
+            action = BEGINNERS[beginner](action, lean, rng)
+        _, _, solved, _, _ = env.step(np.clip(action, -1.0, 1.0).astype(np.float32))
+        if solved:
+            break
+    return Outcome(name, target, level, bool(solved), max(step + 1 - begins, 0))
+
+
+def outcomes(task: str, objects: list[str], beginner: str, levels: range) -> Iterator[Outcome]:
+    """Play levels of every target of some objects."""
+    for name in objects:
+        env = ManipulationEnv(task, name, config={"episode_steps": MOST_STEPS + EXPERT_STEPS})
+        for target in env.task.targets(load_object(name)):
+            for level in levels:
+                yield taken_over(env, name, target, level, beginner)
+
+
+def row(task: str, beginner: str, played: list[Outcome]) -> list[str]:
+    """Of the table."""
+    solved = [one for one in played if one.solved]
+    targets = sorted({(one.object, one.target) for one in played})
+    rates = {
+        (name, target): np.mean([one.solved for one in played if (one.object, one.target) == (name, target)])
+        for name, target in targets
+    }
+    worst = sorted(targets, key=lambda each: (rates[each], each))[:3]
+    steps = f"{np.mean([one.steps for one in solved]):.0f}" if solved else ""
+    return [
+        *(task, beginner, str(len(targets)), str(len(played)), f"{len(solved) / len(played):.1%}", steps),
+        ", ".join(
+            f"{name} {target} {rates[name, target]:.0%}" for name, target in worst if rates[name, target] < 1
+        ),
+    ]
+
+
+def main(arguments: list[str]) -> int:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("tasks", nargs="+")
+    parser.add_argument("--objects", default="train", help="split (default: %(default)s)")
+    parser.add_argument("--levels", type=int, default=2, help="of each target (default: %(default)s)")
+    parser.add_argument("--from-level", type=int, default=1000, help="the first one (default: %(default)s)")
+    parser.add_argument("--beginners", nargs="+", choices=BEGINNERS, default=list(BEGINNERS))
+    options = parser.parse_args(arguments)
+    levels, rows = range(options.from_level, options.from_level + options.levels), []
+    for task in options.tasks:
+        objects = list_objects(split=options.objects, task=task)
+        for beginner in options.beginners:
+            played = list(outcomes(task, objects, beginner, levels))
+            rows.append(row(task, beginner, played))
+            for one in played:
+                if not one.solved:
+                    print(f"not solved: {task} {beginner} {one.object} {one.target} {one.level}", file=sys.stderr)
+    head = ["task", "before the expert", "targets", "episodes", "solved", "steps of the expert", "solved least"]
+    print(markdown(head, rows))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
