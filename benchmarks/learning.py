@@ -37,7 +37,8 @@ from artiskill.learning.network_config import NETWORKS, load_network_config
 from artiskill.learning.networks import make_network
 from artiskill.learning.observation import ObservationLayout
 from artiskill.learning.set_sources import SetOptions
-from artiskill.learning.train_config import ALGORITHMS, algorithm_class, algorithm_config, load_train_config
+from artiskill.learning.train_config import OFFLINE as ALGORITHMS
+from artiskill.learning.train_config import algorithm_class, algorithm_config, load_train_config
 from artiskill.learning.training_set import (
     FRAMES,
     MANIFEST,

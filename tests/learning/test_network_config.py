@@ -28,7 +28,7 @@ def test_an_unknown_network() -> None:
         ("pointnet_transformer", {"kind": "pointnet"}, "transformer must not be given"),
         ("pointnet_transformer", {"transformer.dropout": 1}, "dropout must lie in"),
         ("pointnet_transformer", {"transformer.heads": 0}, "heads must lie in"),
-        ("small", {"input.frames": ["cloud", "cloud"]}, "frames needs one to three different names"),
+        ("small", {"input.frames": ["cloud", "cloud"]}, "frames needs one to four different names"),
         ("small", {"input.near_m": -1}, "near_m must be .* at least 0"),
         ("small", {"input.colours": True}, "did you mean 'colors'"),
         ("small", {"compat": "paper2020"}, "did you mean 'paper2021'"),

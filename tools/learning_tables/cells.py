@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 from artiskill.assets.catalog import SPLITS, list_objects, read_catalog, resolve_objects
 from artiskill.errors import check_name
-from artiskill.learning.train_config import ALGORITHMS, check_not_measured
+from artiskill.learning.train_config import OFFLINE as ALGORITHMS
+from artiskill.learning.train_config import check_not_measured
 
 TASKS = ("OpenCabinetDoor", "OpenCabinetDrawer", "PushChair", "MoveBucket")
 DRAWER_TASK = "OpenCabinetDrawer"

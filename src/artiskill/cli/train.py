@@ -1,4 +1,4 @@
-"""`artiskill train`: a policy from demonstrations, by one of the package's algorithms."""
+"""`artiskill train`: a policy from demonstrations, or from an expert that is asked, by one of the algorithms."""
 
 import argparse
 import os
@@ -14,6 +14,7 @@ from artiskill.cli.progress import PhaseBars, ProgressBar
 
 if TYPE_CHECKING:  # imports that `artiskill --help` must not wait for
     from artiskill.learning.run import RunInfo
+    from artiskill.learning.train import RolloutData, TrainData
     from artiskill.learning.train_config import TrainConfig
     from artiskill.learning.trainer import Develop, Trainer
 
@@ -22,30 +23,35 @@ _EPILOG = """examples:
   artiskill train bc --task PushChair --data demos/chairs --out runs/chair-bc --points 512 --frame robot
   artiskill train td3bc --task OpenCabinetDrawer --data training/drawers --out runs/drawer-td3bc \\
       --network pointnet_transformer --steps 150000 --precision bfloat16 --set algorithm.alpha=0.2
+  artiskill train dagger --task OpenCabinetDrawer --out runs/drawer-dagger
   torchrun --nproc-per-node 2 -m artiskill train bc ...     # with several GPUs
 
 The same command goes on where a run was stopped; with more --steps it goes on beyond its end.
 docs/training_runs.md describes data, runs and values."""
-_ALGORITHMS = "bc, bcq or td3bc"
+_ALGORITHMS = "bc, bcq or td3bc, from demonstrations; dagger, from an expert that says what to do"
+
+_PASSES = 7  # of gradient steps over the steps of rollouts
 
 
 def add_commands(commands: Any) -> None:
     """Add the command."""
-    parser = add_command(commands, "train", _run_train, "train a policy from demonstrations", _EPILOG)
+    parser = add_command(commands, "train", _run_train, "train a policy", _EPILOG)
     add = parser.add_argument
     add("algorithm", metavar="ALGORITHM", help=_ALGORITHMS)
     add("--task", required=True, help="name of the task, or module:Task of your own package")
-    data = "training set, training files with point clouds, or demonstrations"
-    add("--data", type=Path, required=True, metavar="FOLDER", help=data)
+    data = "training set, training files with point clouds, or demonstrations; not for dagger"
+    add("--data", type=Path, metavar="FOLDER", help=data)
     add("--out", type=Path, required=True, metavar="FOLDER", help="folder of the run")
-    add("--points", type=int, help="points of a cloud (default: 256, or those of the training set)")
+    add("--points", type=int, help="points of a cloud (default: 256, or those of the training set; dagger: 128)")
     add("--frame", help="frame of the points: world, robot or end_effector (default: the data's, else world)")
     add(
         "--network",
-        default="small",
-        help="small, small_transformer, pointnet or pointnet_transformer (default: %(default)s)",
+        help="small (default), small_transformer, kinematic (dagger's default), pointnet or pointnet_transformer",
     )
-    add("--steps", type=int, help="gradient steps (default: 20000)")
+    add("--steps", type=int, help="gradient steps (default: 20000; dagger: 5200)")
+    rollouts = "dagger: learn on these (default: train, and 200 generated ones)"
+    add("--objects", nargs="+", metavar="OBJECT", help=rollouts)
+    add("--samples", type=int, help="dagger: steps of rollouts in all, and 7 passes over as many (default: 96000)")
     add("--batch-size", type=int, help="samples of a step (default: 128 for bc, else 64)")
     add("--seed", type=int, help="of weights, batches and noise (default: 0)")
     add("--device", default="auto", help="auto, cpu or cuda (default: %(default)s)")
@@ -63,12 +69,12 @@ def _run_train(arguments: argparse.Namespace) -> None:
     from artiskill.learning.run import check_torch
 
     check_torch("training")
-    from artiskill.learning.train import TrainData, train
+    from artiskill.learning.train import train
     from artiskill.learning.train_config import load_train_config
 
     config = load_train_config(arguments.algorithm, arguments.task, arguments.network, _overrides(arguments))
-    data = TrainData(arguments.data, arguments.points, arguments.frame, workers_of(arguments))
     screen = _Screen(config)
+    data = _data(arguments, screen)
     develop = _development(config, data.workers) if screen.is_first else None
     try:
         with screen.bars:
@@ -91,6 +97,44 @@ def _run_train(arguments: argparse.Namespace) -> None:
         _print_end(trainer, arguments.out)
 
 
+def _data(arguments: argparse.Namespace, screen: "_Screen") -> "TrainData | RolloutData":
+    """Return what the run learns from: demonstrations, or rollouts.
+
+    Raises:
+        UsageError: an option that the algorithm does not have, or none of one that it needs.
+    """
+    from artiskill.learning.train import RolloutData, TrainData
+    from artiskill.learning.train_config import INTERACTIVE
+
+    if arguments.algorithm not in INTERACTIVE:
+        if arguments.data is None:
+            raise UsageError(f"{arguments.algorithm} learns from demonstrations: --data is needed")
+        for name in ("objects", "samples"):
+            if getattr(arguments, name) is not None:
+                raise UsageError(f"--{name} is for {', '.join(INTERACTIVE)}, not for {arguments.algorithm}")
+        return TrainData(arguments.data, arguments.points, arguments.frame, workers_of(arguments))
+    for name in ("data", "frame"):
+        if getattr(arguments, name) is not None:
+            raise UsageError(f"--{name} is of demonstrations; {arguments.algorithm} learns from an expert")
+    return RolloutData(workers_of(arguments), screen.show_note)
+
+
+def _rollout_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the values that options of an interactive algorithm set."""
+    from artiskill.learning.train_config import INTERACTIVE, load_train_config
+
+    if arguments.algorithm not in INTERACTIVE:
+        return {}
+    given = {"algorithm.points": arguments.points, "algorithm.objects": arguments.objects}
+    if arguments.samples is not None:
+        plain = load_train_config(arguments.algorithm, arguments.task, None, overrides_of(arguments.set))
+        values = plain.algorithm
+        size = values["collectors"] * values["envs"] * values["rollout_steps"]
+        given["algorithm.rounds"] = max(1, -(-arguments.samples // size))
+        given["steps"] = max(1, _PASSES * given["algorithm.rounds"] * size // plain.batch_size)
+    return {key: value for key, value in given.items() if value is not None}
+
+
 def _overrides(arguments: argparse.Namespace) -> dict[str, Any]:
     """Return the values that options set; those of `--set` come last."""
     given = {
@@ -102,7 +146,8 @@ def _overrides(arguments: argparse.Namespace) -> dict[str, Any]:
         "development.every": arguments.dev_every,
         "development.objects": _development_objects(arguments.dev_objects),
     }
-    return {key: value for key, value in given.items() if value is not None} | overrides_of(arguments.set)
+    own = {key: value for key, value in given.items() if value is not None}
+    return _rollout_overrides(arguments) | own | overrides_of(arguments.set)
 
 
 def _development_objects(given: list[str] | None) -> list[str] | None:
@@ -141,6 +186,11 @@ class _Screen:
         self.bars.close()
         for line in lines:
             print(line, flush=True)
+
+    def show_note(self, text: str) -> None:
+        """Print a line about a round of rollouts."""
+        if self._bar is not None:
+            self._bar.print(text)
 
     def begin(self, step: int) -> None:
         """Show progress from this step on."""

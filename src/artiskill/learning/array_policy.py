@@ -8,9 +8,9 @@ import json
 import zipfile
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from threadpoolctl import ThreadpoolController
@@ -23,6 +23,9 @@ from artiskill.learning.features import make_features
 from artiskill.learning.network_config import FRAMES, NetworkConfig
 from artiskill.learning.observation import MOST_MASKS, ObservationArrays, ObservationLayout
 
+if TYPE_CHECKING:  # it needs the engine's kernels
+    from artiskill.learning.commands import CommandActor
+
 SUFFIX = ".npz"
 FORMAT, VERSION = "artiskill-policy", 2
 # algorithm -> the parts of its `state_dict` that acting needs
@@ -30,6 +33,7 @@ PARTS: Mapping[str, tuple[str, ...]] = {
     "bc": ("policy.",),
     "td3bc": ("policy.",),
     "bcq": ("decoder.", "critics.0.", "latents"),
+    "dagger": ("policy.",),
 }
 _HEADER = "header"
 _MOST_BYTES = 1_000_000_000  # the paper's largest network has 20 MB, twice in BCQ
@@ -61,6 +65,7 @@ class Header:
     agent: int  # numbers in the robot's state
     action: int  # numbers in an action
     network: NetworkConfig
+    commands: dict[str, Any] = field(default_factory=dict)  # a `CommandSpace`, where the network gives commands
 
     def __post_init__(self) -> None:
         check_name("algorithm", self.algorithm, PARTS)
@@ -105,6 +110,13 @@ def write_policy(path: Path, header: Header, weights: Mapping[str, np.ndarray]) 
         raise PolicyError(f"cannot write {str(path)!r}: {error.strerror}") from error
 
 
+def make_actor(commands: Mapping[str, Any]) -> "CommandActor":
+    """Return what carries commands out, of the plain values of their `CommandSpace`."""
+    from artiskill.learning.commands import CommandActor, CommandSpace
+
+    return CommandActor(from_mapping(CommandSpace, commands, "commands"))
+
+
 class ArrayPolicy:
     """A policy of a file that `artiskill export-policy` wrote; it sees point clouds, and remembers nothing.
 
@@ -131,6 +143,7 @@ class ArrayPolicy:
         self._layout = ObservationLayout(self.header.points, self.header.masks, self.header.agent)
         self._blas = ThreadpoolController().select(user_api="blas")
         self._input = self.header.network.resolved().input
+        self._actor = make_actor(self.header.commands) if self.header.commands else None
         config = self.header.network
         try:
             if self.header.algorithm == "bcq":
@@ -144,7 +157,7 @@ class ArrayPolicy:
             shape = self._choose(self._nothing()).shape
         except (LookupError, ValueError, TypeError) as error:
             raise PolicyError(f"{str(path)!r} is damaged: its weights do not fit its network") from error
-        if shape != (self.header.action,):
+        if shape != (self.header.action if self._actor is None else self._actor.space.label_size,):
             raise PolicyError(f"{str(path)!r} is damaged: its weights do not fit its actions")
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
@@ -158,12 +171,16 @@ class ArrayPolicy:
         """
         arrays = self._layout.observe(observation)
         with self._blas.limit(limits=1):  # eight times as fast where cores are shared
-            return self._choose(arrays)
+            found = self._choose(arrays)
+        return found if self._actor is None else self._actor.action(arrays.agent[0], found)
 
     def _choose(self, arrays: ObservationArrays) -> np.ndarray:
-        """Return the action (A,) for a batch of one observation; as `choose` of the algorithms."""
-        seen = make_features(arrays, self._input, self._scale, self.header.frame)
+        """Return the action (A,), or command (V,), for a batch of one; as `choose` of the algorithms."""
+        kinematics = None if self._actor is None else self._actor.kinematics
+        seen = make_features(arrays, self._input, self._scale, self.header.frame, kinematics)
         features = self._networks[0].encode(seen)
+        if self._actor is not None:
+            return self._actor.space.likeliest(self._networks[0].head(features)[None])[0]
         if self.header.algorithm != "bcq":
             return np.tanh(self._networks[0].head(features))
         candidates = np.tanh(self._networks[0].head(features, self._latents))  # (M, A)

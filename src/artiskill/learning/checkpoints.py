@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from torch import nn
 
+from artiskill.config import from_mapping
 from artiskill.errors import RunError, shown
 from artiskill.files import read_bytes
 from artiskill.learning.algorithm import Algorithm
@@ -22,6 +23,7 @@ from artiskill.learning.batch import Sizes, Statistics
 from artiskill.learning.networks import make_network
 from artiskill.learning.run import DEVELOPMENT, METRICS, TENSORBOARD, RunInfo, Table, write_whole
 from artiskill.learning.train_config import TrainConfig, algorithm_class, algorithm_config
+from artiskill.robots.config import RobotConfig
 
 _FORMAT, _VERSION = "artiskill-checkpoint", 1
 
@@ -47,13 +49,17 @@ def make_algorithm(config: TrainConfig, info: RunInfo) -> Algorithm:
     sizes = Sizes(**info.sizes)
     statistics = Statistics(**{name: np.array(one, np.float32) for name, one in info.statistics.items()})
     generator = torch.Generator().manual_seed(config.seed)
-    frame = info.sampling["frame"]
+    frame, commands = info.sampling["frame"], info.commands
+    robot = from_mapping(RobotConfig, commands["robot"], "commands.robot") if commands else None
 
     def make(outputs: int, extra: int) -> nn.Module:
-        return make_network(config.network, sizes, statistics, outputs, extra, generator, frame)
+        return make_network(config.network, sizes, statistics, outputs, extra, generator, frame, robot)
 
     action_std = torch.from_numpy(statistics.action_std)
-    return algorithm_class(config.name)(algorithm_config(config), make, sizes, action_std)
+    arguments = algorithm_config(config), make, sizes, action_std
+    kind = algorithm_class(config.name)
+    algorithm: Algorithm = kind(*arguments, commands) if commands else kind(*arguments)
+    return algorithm
 
 
 def acting_copy(algorithm: Algorithm) -> Algorithm:

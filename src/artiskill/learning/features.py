@@ -1,7 +1,7 @@
 """From observations to the inputs of a network, of NumPy arrays and of tensors alike. Imports no torch.
 
 Hands and base are found in the robot's state, so coordinates around them need no privileged knowledge. A hand is
-where the mean of its two fingertips is; its orientation would need the robot's kinematics and is not used.
+where the mean of its two fingertips is; with the robot's kinematics (`InputConfig.body`), its axes are known, too.
 """
 
 import sys
@@ -10,11 +10,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from artiskill.learning.network_config import InputConfig
+from artiskill.robots.kinematics import RobotKinematics
 
 HANDS = {38: 1, 68: 2}  # arms by the length of the robot's state
 
 _FAR = 1e6  # metres: no point is so far away
 _STATE_LIMIT = 10.0  # standard deviations
+_OPEN_M = 0.02  # of a finger: half of its way
+_NEAR_ORIGIN_M = 0.2
+# what joints' positions and velocities, and those of hands, are multiplied by: they are then of the order of 1
+_ARM, _FINGER_RATE, _YAW_RATE, _HAND_VELOCITY = 0.5, 10.0, 0.5, 2.0
 
 
 class Scale(NamedTuple):
@@ -35,7 +40,13 @@ class Features(NamedTuple):
     valid: Any  # (B, N) bool
 
 
-def make_features(observation: Any, config: InputConfig, scale: Scale, frame: str = "world") -> Features:
+def make_features(
+    observation: Any,
+    config: InputConfig,
+    scale: Scale,
+    frame: str = "world",
+    kinematics: RobotKinematics | None = None,
+) -> Features:
     """Return the inputs of a network.
 
     Where coordinates around base or hands are asked for, the state has, too, the places of hands and of the
@@ -47,6 +58,7 @@ def make_features(observation: Any, config: InputConfig, scale: Scale, frame: st
         config: what is computed.
         scale: of the training set, on the observation's device.
         frame: in which the points are given: `world`, `robot` or `end_effector`.
+        kinematics: of the robot, where `config.body` asks for it; the points are then in `world` or `robot`.
     """
     xp = np if isinstance(observation.points, np.ndarray) else sys.modules["torch"]
     valid = observation.valid
@@ -57,15 +69,12 @@ def make_features(observation: Any, config: InputConfig, scale: Scale, frame: st
         masks = xp.concatenate((masks[..., :-1], xp.zeros_like(masks[..., -1:])), 2)
     present = real * xp.ones_like(points[..., :1])  # (B, N, 1) float32
     mean = points.sum(1) / present.sum(1).clip(1)
-    agent = ((observation.agent - scale.agent_mean) / scale.agent_std).clip(-_STATE_LIMIT, _STATE_LIMIT)
-    if not config.velocities:
-        agent = _without_velocities(xp, agent)
-    state = [agent, (mean - scale.point_mean) / scale.point_std]
-    coordinates = {"cloud": points - mean[:, None]}
-    if frame == "end_effector":
-        coordinates["hand"] = points
-    elif config.frames != ("cloud",) and observation.agent.shape[1] in HANDS:
-        coordinates |= _robot_coordinates(xp, points, observation.agent, frame, state)
+    if config.body:
+        assert kinematics is not None, "forward kinematics is of a robot"
+        coordinates, state = _seen_by_body(xp, points, observation.agent, config, kinematics, frame)
+    else:
+        coordinates, state = _seen_by_state(xp, points, mean, observation.agent, config, scale, frame)
+    coordinates["cloud"] = points - mean[:, None]
     parts = [coordinates[name] for name in config.frames if name in coordinates] or [coordinates["cloud"]]
     nearest = parts[-1]
     if config.near_m:
@@ -74,18 +83,18 @@ def make_features(observation: Any, config: InputConfig, scale: Scale, frame: st
         in_none = present - masks.sum(2)[..., None].clip(0, 1)
         extents = _extents(xp, nearest, xp.concatenate((masks, in_none), 2))
         state += [extents, xp.tanh(extents / config.near_m)] if config.near_m else [extents]
-    if config.colors:
-        parts.append(observation.colors)
-    if config.masks:
-        parts.append(masks)
+    parts += [observation.colors] * config.colors + [masks] * config.masks
     return Features(xp.where(real, xp.concatenate(parts, 2), 0.0), xp.concatenate(state, 1), masks, valid)
 
 
-def feature_sizes(config: InputConfig, masks: int, agent: int, frame: str) -> tuple[int, int]:
+def feature_sizes(
+    config: InputConfig, masks: int, agent: int, frame: str, kinematics: RobotKinematics | None = None
+) -> tuple[int, int]:
     """Return how many numbers `make_features` gives of each point, and of cloud and robot."""
     zeros, ones = (lambda *shape: np.zeros(shape, np.float32)), (lambda *shape: np.ones(shape, np.float32))
     observation = _Arrays(zeros(1, 1, 3), zeros(1, 1, 3), zeros(1, 1, masks), ones(1, 1) > 0, zeros(1, agent))
-    features = make_features(observation, config, Scale(zeros(3), ones(3), zeros(agent), ones(agent)), frame)
+    scale = Scale(zeros(3), ones(3), zeros(agent), ones(agent))
+    features = make_features(observation, config, scale, frame, kinematics)
     return features.points.shape[2], features.state.shape[1]
 
 
@@ -107,6 +116,21 @@ def _without_velocities(xp: Any, agent: Any) -> Any:
     return xp.concatenate((agent[:, :tips], agent[:, 2 * tips : 2 * tips + 3], agent[:, joints:end]), 1)
 
 
+def _seen_by_state(
+    xp: Any, points: Any, mean: Any, agent: Any, config: InputConfig, scale: Scale, frame: str
+) -> tuple[dict[str, Any], list[Any]]:
+    """Return coordinates in frames that the robot's state tells, and numbers of cloud and robot as observed."""
+    numbers = ((agent - scale.agent_mean) / scale.agent_std).clip(-_STATE_LIMIT, _STATE_LIMIT)
+    if not config.velocities:
+        numbers = _without_velocities(xp, numbers)
+    state = [numbers, (mean - scale.point_mean) / scale.point_std]
+    if frame == "end_effector":
+        return {"hand": points}, state
+    if config.frames == ("cloud",) or agent.shape[1] not in HANDS:
+        return {}, state
+    return _robot_coordinates(xp, points, agent, frame, state), state
+
+
 def _robot_coordinates(xp: Any, points: Any, agent: Any, frame: str, state: list[Any]) -> dict[str, Any]:
     """Return coordinates from base and hands; to `state` go hands and the world's origin as the base sees them."""
     hands = HANDS[agent.shape[1]]
@@ -120,6 +144,40 @@ def _robot_coordinates(xp: Any, points: Any, agent: Any, frame: str, state: list
     state += [places.reshape(-1, 3 * hands), origin, xp.tanh(origin)]
     around = xp.concatenate([seen - places[:, i : i + 1] for i in range(hands)], 2)  # (B, N, 3 * hands)
     return {"robot": seen, "hand": around}
+
+
+def _seen_by_body(
+    xp: Any, points: Any, agent: Any, config: InputConfig, kinematics: RobotKinematics, frame: str
+) -> tuple[dict[str, Any], list[Any]]:
+    """Return coordinates in the frames of base and hands, and what the robot knows of itself."""
+    hands, count = kinematics.arms, len(agent)
+    qpos, qvel = kinematics.joints(agent)
+    floor = xp.zeros_like(qpos[:, :1])
+    base = xp.concatenate((qpos[:, :2], floor), 1)[:, None]  # (B, 1, 3)
+    turn = _turn_to_base(xp, qpos[:, 2], floor[:, 0])
+    places, axes = (xp.asarray(one, dtype=agent.dtype) for one in kinematics.tools(qpos))
+    state = [qpos[:, 3:4], *_joint_numbers(qpos[:, 4:].reshape(count, hands, -1), _ARM, 1.0 / _OPEN_M, _OPEN_M)]
+    state += [one.reshape(count, -1) for one in (places, axes[..., 0], axes[..., 2])]
+    if hands > 1:
+        state.append(_HAND_VELOCITY * (places[:, 1] - places[:, 0]))
+    if config.velocities:
+        own = (xp.concatenate((qvel[:, :2], floor), 1)[:, None] @ turn)[:, 0, :2]
+        tips = agent[:, 6 * hands : 12 * hands].reshape(-1, hands, 2, 3).sum(2) / 2
+        moving = ((tips @ turn)[:, :, None] @ axes).reshape(count, -1)
+        rates = _joint_numbers(qvel[:, 4:].reshape(count, hands, -1), _ARM, _FINGER_RATE)
+        state += [own, _YAW_RATE * qvel[:, 2:3], qvel[:, 3:4], *rates, _HAND_VELOCITY * moving]
+    if config.origin:
+        origin = (-base @ turn)[:, 0, :2]
+        state += [origin, xp.tanh(origin / _NEAR_ORIGIN_M)]
+    seen = points if frame == "robot" else (points - base) @ turn
+    around = [(seen - places[:, i : i + 1]) @ axes[:, i] for i in range(hands)]
+    return {"robot": seen, "tool": xp.concatenate(around, 2)}, state
+
+
+def _joint_numbers(values: Any, arm: float, finger: float, middle: float = 0.0) -> list[Any]:
+    """Return numbers of the arms' joints and of their fingers, of values (B, A, n + 2)."""
+    count = len(values)
+    return [(arm * values[..., :-2]).reshape(count, -1), (finger * (values[..., -2:] - middle)).reshape(count, -1)]
 
 
 def _turn_to_base(xp: Any, yaw: Any, zero: Any) -> Any:

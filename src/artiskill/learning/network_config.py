@@ -9,6 +9,7 @@ from artiskill.config import CONFIG_DIR, check, check_not_negative, check_value,
 from artiskill.errors import check_name
 
 NETWORKS = ("small", "small_transformer", "pointnet", "pointnet_transformer")
+KINEMATIC = "kinematic"  # needs the robot's kinematics, which learners of commands know
 FRAMES = ("world", "robot", "end_effector")  # of points, see `artiskill.envs.wrappers.Sampling`
 
 _FOLDER = CONFIG_DIR / "learning" / "networks"
@@ -21,8 +22,8 @@ class InputConfig:
     """What a network sees of an observation, see `learning/features.py`."""
 
     # coordinates of each point, side by side: `cloud` minus the cloud's mean, `robot` in the frame of the robot's
-    # base, `hand` from each hand, with the axes of the base
-    frames: tuple[Literal["cloud", "robot", "hand"], ...]
+    # base, `hand` from each hand, with the axes of the base; `tool` from each hand, with its own axes
+    frames: tuple[Literal["cloud", "robot", "hand", "tool"], ...]
     near_m: float  # the last coordinates once more as tanh(x / near_m); 0: not
     colors: bool  # of each point
     masks: bool  # of each point
@@ -31,11 +32,17 @@ class InputConfig:
     extents: bool  # mean, least and greatest coordinates of each mask, and of the points in none, with the state
     velocities: bool  # those in the robot's state; they tell the last action, which a policy then copies
     blind_to_robot: bool = False  # the last of several masks, the robot's, is empty
+    # instead of the robot's state as observed: joints, hands and velocities as the base sees them, by forward
+    # kinematics, so that nothing depends on where in the world the robot is
+    body: bool = False
+    origin: bool = False  # beside `body`: where the world's origin is, as the base sees it
 
     def __post_init__(self) -> None:
         check_not_negative(self, "near_m")
         is_legal = len(self.frames) > 0 and len(set(self.frames)) == len(self.frames)
-        check_value(self, "frames", is_legal, "needs one to three different names")
+        check_value(self, "frames", is_legal, "needs one to four different names")
+        needed = "tool" in self.frames or self.origin
+        check(self.body or not needed, "frames with tool, and origin, need body: true, for forward kinematics")
 
 
 @dataclass(frozen=True)
@@ -108,14 +115,14 @@ def load_network_config(name: str, overrides: Mapping[str, Any] | None = None) -
     """Read the values of a network that comes with the package.
 
     Args:
-        name: one of `NETWORKS`.
+        name: one of `NETWORKS`, or `KINEMATIC`.
         overrides: dotted keys and other values, such as `{"head": [256, 256]}`.
 
     Raises:
         UnknownNameError: there is no such network.
         ConfigError: an unknown key or an illegal value.
     """
-    check_name("network", name, NETWORKS)
+    check_name("network", name, (*NETWORKS, KINEMATIC))
     return load_config(NetworkConfig, _FOLDER / f"{name}.yaml", overrides)
 
 

@@ -16,6 +16,8 @@ from torch.nn.functional import pad, relu, scaled_dot_product_attention
 from artiskill.learning.batch import Observation, Sizes, Statistics
 from artiskill.learning.features import Features, Scale, feature_sizes, make_features
 from artiskill.learning.network_config import NetworkConfig, TransformerConfig
+from artiskill.robots.config import RobotConfig
+from artiskill.robots.kinematics import RobotKinematics
 
 _WORTH_GATHERING = 0.8  # share of points below which the layers are spared the others
 _POINTS_AT_ONCE = 2048  # without gradients: their widest features are 2 to 4 MB
@@ -30,6 +32,7 @@ def make_network(
     extra: int = 0,
     generator: torch.Generator | None = None,
     frame: str = "world",
+    robot: RobotConfig | None = None,
 ) -> "PointNet | PointNetTransformer":
     """Make a network with fresh weights.
 
@@ -41,11 +44,13 @@ def make_network(
         extra: how many further numbers go in.
         generator: draws the weights; one of the CPU.
         frame: of the training set's points: `world`, `robot` or `end_effector`.
+        robot: who acts, where the inputs ask for its kinematics.
     """
     config = config.resolved()
-    points, state = feature_sizes(config.input, sizes.masks, sizes.agent, frame)
+    kinematics = None if robot is None else RobotKinematics(robot)
+    points, state = feature_sizes(config.input, sizes.masks, sizes.agent, frame, kinematics)
     shape = Shape(points, state, sizes.masks, outputs, extra)
-    normalise = Inputs(config, statistics, frame)
+    normalise = Inputs(config, statistics, frame, kinematics)
     network: PointNet | PointNetTransformer
     if config.transformer is None:
         network = PointNet(config, shape, normalise)
@@ -71,9 +76,11 @@ class Shape(NamedTuple):
 class Inputs(nn.Module):
     """Computes features of observations; holds the statistics that they are normalised with."""
 
-    def __init__(self, config: NetworkConfig, statistics: Statistics, frame: str) -> None:
+    def __init__(
+        self, config: NetworkConfig, statistics: Statistics, frame: str, kinematics: RobotKinematics | None
+    ) -> None:
         super().__init__()
-        self.config, self.frame = config.input, frame
+        self.config, self.frame, self.kinematics = config.input, frame, kinematics
         for name in Scale._fields:
             values = getattr(statistics, name)
             self.register_buffer(name, torch.as_tensor(values, dtype=torch.float32).clone())
@@ -81,7 +88,7 @@ class Inputs(nn.Module):
     def forward(self, observation: Observation) -> Features:
         """Return the features; see `make_features`."""
         scale = Scale(*(getattr(self, name) for name in Scale._fields))
-        return make_features(observation, self.config, scale, self.frame)
+        return make_features(observation, self.config, scale, self.frame, self.kinematics)
 
 
 class JointLinear(nn.Module):

@@ -3,19 +3,22 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 
 from artiskill.errors import ConfigError, RunError
 from artiskill.learning.algorithm import Algorithm
-from artiskill.learning.array_policy import Header, check_policy_path, write_policy
+from artiskill.learning.array_policy import Header, check_policy_path, make_actor, write_policy
 from artiskill.learning.batch import Observation
 from artiskill.learning.checkpoints import load_weights, make_algorithm
 from artiskill.learning.observation import ObservationLayout
 from artiskill.learning.run import RunInfo, read_info, run_folder, weights_file
 from artiskill.learning.train_config import TrainConfig, read_train_config
+
+if TYPE_CHECKING:  # it needs the engine's kernels
+    from artiskill.learning.commands import CommandActor
 
 
 class RunPolicy:
@@ -39,6 +42,7 @@ class RunPolicy:
         self.control_mode, self.sampling = info.control_mode, info.sampling
         self.observation_config = info.observation_config
         self._layout = ObservationLayout(*(info.sizes[name] for name in ("points", "masks", "agent")))
+        self._actor: CommandActor | None = make_actor(info.commands) if info.commands else None
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
         """Begin an episode: there is nothing to remember."""
@@ -52,7 +56,8 @@ class RunPolicy:
         arrays = self._layout.observe(observation)
         with _one_thread():  # the same bits in every process, and none to wait for
             tensors = Observation(*(torch.from_numpy(array) for array in arrays))
-            return self._algorithm.act(tensors)[0].numpy()
+            found = self._algorithm.act(tensors)[0].numpy()
+        return found if self._actor is None else self._actor.action(arrays.agent[0], found)
 
 
 def load_trained(run: Path | str) -> tuple[RunInfo, TrainConfig, Algorithm]:
@@ -98,6 +103,7 @@ def export_policy(run: Path | str, path: Path) -> Header:
         frame=info.sampling["frame"],
         **info.sizes,
         network=config.network,
+        commands=info.commands,
     )
     write_policy(path, header, {name: value.numpy() for name, value in algorithm.state_dict().items()})
     return header

@@ -10,6 +10,7 @@
 | `checkpoints/latest.pt` | everything that going on needs |
 | `checkpoints/best.pt` | weights of the highest success on development objects |
 | `set/` | the training set, if it was made here |
+| `rounds/`, `rounds.csv` | rollouts, and what came of them |
 """
 
 import csv
@@ -17,7 +18,7 @@ import io
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -45,10 +46,11 @@ class RunInfo:
     sizes: dict[str, int]  # see `artiskill.learning.batch.Sizes`
     statistics: dict[str, list[float]]  # see `artiskill.learning.batch.Statistics`
     overrides: dict[str, Any]  # of the task's configuration, in the demonstrations
-    data: str  # digest of the training set's manifest
-    objects: list[str]  # ids, whose demonstrations these are
-    steps: int  # of demonstrations
+    data: str  # digest of the training set's manifest, or of the objects of rollouts
+    objects: list[str]  # ids, whose demonstrations or rollouts these are
+    steps: int  # of demonstrations, or of rollouts at most
     versions: dict[str, str]  # with which the run began
+    commands: dict[str, Any] = field(default_factory=dict)  # a `CommandSpace`, where commands are learned
 
     @property
     def observation_config(self) -> dict[str, Any]:

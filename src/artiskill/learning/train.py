@@ -15,7 +15,7 @@ from artiskill.jobs.parallel import available_cores
 from artiskill.learning.processes import Processes, joined_processes
 from artiskill.learning.run import CONFIG, INFO, KEPT, SET, RunInfo, read_info, write_info, write_whole
 from artiskill.learning.train_config import TrainConfig, read_train_config
-from artiskill.learning.trainer import Develop, OnStep, Trainer, data_digest, describe_run, make_info
+from artiskill.learning.trainer import Develop, OnStep, SetSource, Source, Trainer, describe_run
 from artiskill.learning.training_set import TrainingSet, is_training_set
 from artiskill.versions import versions
 
@@ -39,10 +39,51 @@ class TrainData:
     frame: str | None = None
     workers: int = 1
 
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+        return repr(str(self.path))
+
+    def prepare(self, config: TrainConfig, folder: Path, on_set: OnSet | None) -> Source:
+        """Return what a run learns from; a training set is made where there is none."""
+        return SetSource(_make_set(config, self, folder, on_set))
+
+    def open(self, config: TrainConfig, folder: Path) -> Source:
+        """Return what `prepare` has prepared, in another process perhaps."""
+        return SetSource(TrainingSet(self.path if is_training_set(self.path) else folder / SET))
+
+
+@dataclass(frozen=True)
+class RolloutData:
+    """That a policy learns from rollouts, which are collected in between.
+
+    Attributes:
+        workers: processes that collect.
+        on_note: called with a line about each round.
+    """
+
+    workers: int = 1
+    on_note: Callable[[str], None] = print
+
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+        return "these objects"
+
+    def prepare(self, config: TrainConfig, folder: Path, on_set: OnSet | None) -> Source:
+        """Return what a run learns from; there is nothing to be made beforehand."""
+        return self.open(config, folder)
+
+    def open(self, config: TrainConfig, folder: Path) -> Source:
+        """Return what a run learns from."""
+        from artiskill.learning.rollouts import Rollouts  # it needs the engine
+
+        return Rollouts(config, folder, self.workers, self.on_note)
+
 
 def train(
     config: TrainConfig,
-    data: TrainData,
+    data: TrainData | RolloutData,
     folder: Path | str,
     device: str = "auto",
     threads: int | None = None,
@@ -56,7 +97,8 @@ def train(
 
     Args:
         config: see `load_train_config`.
-        data: see `TrainData`; a training set is made in the run's folder where there is none.
+        data: see `TrainData`; a training set is made in the run's folder where there is none. Of an interactive
+            algorithm, `RolloutData`.
         folder: of the run.
         device: `auto`, `cpu` or `cuda`.
         threads: of the CPU, in each process; None for all cores.
@@ -83,12 +125,12 @@ def train(
             if processes.is_first:
                 _prepare(config, data, folder, on_set)
             processes.wait()
-            training_set, info = _open(data, folder)
+            source, info = data.open(config, folder), read_info(folder)
             develop = make_develop(info) if make_develop is not None and processes.is_first else None
-            trainer = Trainer(config, info, training_set, folder, processes, develop)
+            trainer = Trainer(config, info, source, folder, processes, develop)
             if processes.is_first:
                 notes = _version_notes(info, trainer.state.step > 0)
-                on_lines(describe_run(trainer, training_set, processes) + notes)
+                on_lines(describe_run(trainer, source) + notes)
             on_start(trainer.state.step)
             trainer.run(on_step)
     return trainer
@@ -102,7 +144,7 @@ def _thread_count(given: int | None, processes: Processes) -> int:
     return given
 
 
-def _prepare(config: TrainConfig, data: TrainData, folder: Path, on_set: OnSet | None) -> None:
+def _prepare(config: TrainConfig, data: TrainData | RolloutData, folder: Path, on_set: OnSet | None) -> None:
     """Write what the run's folder says of itself, or compare it with what is asked for."""
     try:
         is_new = not (folder / INFO).exists()
@@ -110,15 +152,15 @@ def _prepare(config: TrainConfig, data: TrainData, folder: Path, on_set: OnSet |
             _check_empty(folder)
         else:
             read_train_config(folder).check_continues(config, folder)
-        training_set = _make_set(config, data, folder, on_set)
-        if not is_new and read_info(folder).data != data_digest(training_set):
+        info = data.prepare(config, folder, on_set).info(config, _versions())
+        if not is_new and read_info(folder).data != info.data:
             raise RunError(
-                f"{str(folder)!r} holds a run on other data than {str(training_set.folder)!r}; choose another "
-                "folder, or the data of before"
+                f"{str(folder)!r} holds a run on other data than {data.name}; choose another folder, or the data "
+                "of before"
             )
         write_whole(folder / CONFIG, dump_yaml(config).encode())
         if is_new:  # last: from now on the folder holds a run
-            write_info(make_info(config, training_set, _versions()), folder)
+            write_info(info, folder)
     except OSError as error:
         raise RunError(f"cannot write to {str(folder)!r}: {error.strerror or error}; {KEPT}") from error
 
@@ -167,9 +209,3 @@ def _make_set(config: TrainConfig, data: TrainData, folder: Path, on_set: OnSet 
     if data.num_points is not None:
         options = replace(options, num_points=data.num_points)
     return build_training_set(data.path, folder / SET, options, config.task, data.workers, on_set)
-
-
-def _open(data: TrainData, folder: Path) -> tuple[TrainingSet, RunInfo]:
-    """Open what the first process has prepared."""
-    path = data.path if is_training_set(data.path) else folder / SET
-    return TrainingSet(path), read_info(folder)

@@ -25,7 +25,7 @@ from artiskill.config import (
     to_mapping,
 )
 from artiskill.errors import ConfigError, RunError, check_name
-from artiskill.learning.network_config import NETWORKS, NetworkConfig, load_network_config
+from artiskill.learning.network_config import KINEMATIC, NETWORKS, NetworkConfig, load_network_config
 from artiskill.learning.run import CONFIG
 from artiskill.tasks.levels import check_level
 from artiskill.tasks.registry import task_spec
@@ -35,16 +35,27 @@ ALGORITHMS = {
     "bc": "artiskill.learning.bc:BC",
     "bcq": "artiskill.learning.bcq:BCQ",
     "td3bc": "artiskill.learning.td3bc:TD3BC",
+    "dagger": "artiskill.learning.dagger:DAgger",
 }
-NETWORK = "small"  # by default
+INTERACTIVE = ("dagger",)  # these learn commands, from rollouts
+OFFLINE = tuple(name for name in ALGORITHMS if name not in INTERACTIVE)  # these actions, from demonstrations
 MEASURED_SPLITS = ("test", "ood")  # what results are about: nothing is chosen by it
 
 _FOLDER = CONFIG_DIR / "learning"
 _SHARED = "train.yaml"
 # seeds of generated objects, far from those that people train on; of these cabinets 9 have drawers and 16 doors
 _DEVELOPMENT_SEEDS = {"cabinet": "1000000..1000023", "chair": "1000000..1000011", "bucket": "1000000..1000011"}
+# how DAgger shares points out among a task's masks and the points in none, by task, else by category
+_SHARES: Mapping[str, tuple[int, ...]] = {
+    "OpenCabinetDoor": (2, 5, 0, 1),
+    "cabinet": (4, 3, 0, 1),
+    "chair": (0, 1),
+    "bucket": (0, 1),
+}
 _MOST_STEPS = 10**9
 _MOST_NAMED = 5  # differences
+_ROLLOUT_SEEDS = "0..199"
+_AT_ORIGIN = ("chair", "bucket")  # whose goal is the world's origin
 
 
 @dataclass(frozen=True)
@@ -89,6 +100,8 @@ class TrainConfig:
         check_positive(self, "batch_size", "log_every", "checkpoint_every")
         check_value(self, "seed", 0 <= self.seed < 2**32, "must lie in [0, 2^32)")
         check_value(self, "ema", 0 <= self.ema < 1, "must lie in [0, 1)")
+        knows = self.name in INTERACTIVE or not self.network.input.body
+        check(knows, f"network.input.body is for {', '.join(INTERACTIVE)}, not for {self.name}")
 
     def check_continues(self, other: "TrainConfig", folder: Path) -> None:
         """Raise `RunError` if a run with these values cannot go on with other ones.
@@ -110,15 +123,15 @@ class TrainConfig:
 def load_train_config(
     name: str,
     task: str,
-    network: str = NETWORK,
+    network: str | None = None,
     overrides: Mapping[str, Any] | None = None,
 ) -> TrainConfig:
     """Return the values of a run: of the package's files, and others laid over them.
 
     Args:
-        name: of the algorithm: `bc`, `bcq` or `td3bc`.
+        name: of the algorithm, one of `ALGORITHMS`.
         task: name of the task.
-        network: one of `NETWORKS`.
+        network: one of `NETWORKS`, or `kinematic` with `dagger`; None for `small`, or the latter.
         overrides: dotted keys and other values, `{"algorithm.learning_rate": 1e-3}`.
 
     Raises:
@@ -126,12 +139,15 @@ def load_train_config(
         ConfigError: an unknown key or an illegal value.
     """
     check_name("algorithm", name, ALGORITHMS)
-    check_name("network", network, NETWORKS)
+    network = network or (KINEMATIC if name in INTERACTIVE else NETWORKS[0])
+    check_name("network", network, (*NETWORKS, *[KINEMATIC] * (name in INTERACTIVE)))
     spec = task_spec(task)
     values = merge_overrides(load_yaml(_FOLDER / _SHARED), load_yaml(_FOLDER / f"{name}.yaml"))
     values |= {"task": task, "name": name, "network": to_mapping(load_network_config(network))}
     if values["development"]["objects"] is None:
         values["development"]["objects"] = (f"generated:{spec.category}:{_DEVELOPMENT_SEEDS[spec.category]}",)
+    if name in INTERACTIVE:
+        _fill_rollouts(values, task, spec.category)
     config = from_layers(TrainConfig, lambda given: merge_overrides(values, given), overrides, f"{name}.yaml")
     return _resolved(config)
 
@@ -183,6 +199,16 @@ def check_not_measured(objects: Iterable[str | ArticulatedObject]) -> None:
     for name in map(object_id_of, objects):
         if name in catalog and catalog[name][1].split in MEASURED_SPLITS:
             raise ConfigError(_refusal(f"{name!r} is of {catalog[name][1].split!r}"))
+
+
+def _fill_rollouts(values: dict[str, Any], task: str, category: str) -> None:
+    """Fill in what depends on the task: objects, shares of points, and whether the world's origin matters."""
+    algorithm, seen = values["algorithm"], values["network"]["input"]
+    if algorithm["objects"] is None:
+        algorithm["objects"] = ("train", f"generated:{category}:{_ROLLOUT_SEEDS}")
+    if algorithm["shares"] is None:
+        algorithm["shares"] = _SHARES.get(task, _SHARES[category])
+    seen["origin"] = seen["body"] and category in _AT_ORIGIN
 
 
 def _refusal(reason: str) -> str:

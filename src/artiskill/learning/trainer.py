@@ -6,10 +6,10 @@ So a run that was stopped in any way goes on from its last checkpoint, and on a 
 import hashlib
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -17,6 +17,7 @@ from torch import Tensor
 
 from artiskill.errors import RunError
 from artiskill.learning.algorithm import Algorithm
+from artiskill.learning.batch import Batch
 from artiskill.learning.checkpoints import (
     Records,
     TrainState,
@@ -41,13 +42,27 @@ _CHECKPOINT_S = 300.0  # besides those every so many steps: what a crash may cos
 _POLL_STEPS = 10  # of several processes, between asking one another whether to stop
 
 
+class Source(Protocol):
+    """What a run learns from."""
+
+    @property
+    def text(self) -> str:
+        """What that is, in a line."""
+
+    def info(self, config: TrainConfig, versions: dict[str, str]) -> RunInfo:
+        """Return what a new run says of itself."""
+
+    def batches(self, trainer: "Trainer") -> AbstractContextManager[Iterator[Batch]]:
+        """Return an endless iterator of batches, from where a run stands."""
+
+
 class Trainer:
     """A run that trains, from its latest checkpoint if it has one.
 
     Args:
         config: resolved.
         info: of the run.
-        training_set: its data.
+        source: of its batches.
         folder: of the run; locked by the caller, and written to by the first process only.
         processes: that train together.
         develop: measures success on development objects; None if nothing can, or shall.
@@ -55,6 +70,7 @@ class Trainer:
     Attributes:
         state: where the run stands.
         algorithm: that is trained.
+        info: of the run.
 
     Raises:
         RunError: the checkpoint is damaged, or further than the configuration's steps.
@@ -65,12 +81,13 @@ class Trainer:
         self,
         config: TrainConfig,
         info: RunInfo,
-        training_set: TrainingSet,
+        source: Source,
         folder: Path,
         processes: Processes,
         develop: Develop | None = None,
     ) -> None:
-        self.config, self._set, self._folder, self._processes = config, training_set, folder, processes
+        self.config, self.info, self.processes = config, info, processes
+        self._source, self._folder, self._stop = source, folder, StopSignal()
         self.algorithm: Algorithm = make_algorithm(config, info).to(processes.device).train()
         self._average = acting_copy(self.algorithm) if config.ema else None
         self._base_rates = [group["lr"] for group in self._groups]  # a checkpoint has those of its step
@@ -101,6 +118,15 @@ class Trainer:
         """Numbers that are trained."""
         return sum(one.numel() for one in self.algorithm.parameters() if one.requires_grad)
 
+    @property
+    def acting(self) -> Algorithm:
+        """The weights to act by."""
+        return self._average or self.algorithm
+
+    def check_stop(self) -> None:
+        """Raise `KeyboardInterrupt` if a signal came; for work between two steps that takes long."""
+        self._stop.check()
+
     def run(self, on_step: OnStep = lambda step, text: None) -> None:
         """Train until the configuration's number of steps.
 
@@ -108,9 +134,9 @@ class Trainer:
             RunError: a loss is not finite, or the disk is full; earlier checkpoints are as they were.
             KeyboardInterrupt: a signal came; a checkpoint was saved.
         """
-        with StopSignal() as stop:
+        with self._stop as stop:
             try:
-                with Records(self._folder, self.state, self._processes.is_first) as records:
+                with Records(self._folder, self.state, self.processes.is_first) as records:
                     self._run(records, stop, on_step)
             except OSError as error:
                 raise RunError(
@@ -118,55 +144,46 @@ class Trainer:
                 ) from error
 
     def _run(self, records: Records, stop: StopSignal, on_step: OnStep) -> None:
-        with BatchLoader(
-            self._set,
-            self.config.batch_size,
-            self.config.seed,
-            self.algorithm.needs_next,
-            self._processes.rank,
-            self._processes.world_size,
-            self.state.step,
-            self._processes.device,
-        ) as loader:
+        with self._source.batches(self) as loader:
             text = ""
             while True:
                 self._develop_if_due(records, stop)
                 if self._is_asked_to_stop(stop):
-                    self._save()
-                    self._processes.wait()
+                    self.save()
+                    self.processes.wait()
                     raise KeyboardInterrupt(f"interrupted after step {self.state.step}, which is saved")
                 if self.state.step == self.config.steps:
                     break
                 text = self._take_step(loader, records) or text
                 on_step(self.state.step, text)
         if self._saved_step != self.state.step:
-            self._save()
-        self._processes.wait()
+            self.save()
+        self.processes.wait()
 
     def _is_asked_to_stop(self, stop: StopSignal) -> bool:
-        if self._processes.world_size == 1:
+        if self.processes.world_size == 1:
             return stop.is_set
         at_end = self.state.step == self.config.steps
-        return (at_end or self.state.step % _POLL_STEPS == 0) and self._processes.any(stop.is_set)
+        return (at_end or self.state.step % _POLL_STEPS == 0) and self.processes.any(stop.is_set)
 
-    def _take_step(self, loader: BatchLoader, records: Records) -> str:
+    def _take_step(self, loader: Iterator[Batch], records: Records) -> str:
         """Take one step, log and save if it is time; return the numbers as text if there are new ones."""
         start, step = time.perf_counter(), self.state.step
         self._set_rates(step)
         torch.manual_seed(self._noise_seed(step, 1))  # of dropout
         noise = torch.Generator().manual_seed(self._noise_seed(step, 0))
-        numbers = self.algorithm.update(next(loader), step, noise, self._processes.sync, self._autocast)
+        numbers = self.algorithm.update(next(loader), step, noise, self.processes.sync, self._autocast)
         self._follow()
         self.state.step += 1
         self._add_numbers(numbers)
         is_logged = self.state.step % self.config.log_every == 0
-        if is_logged or self._processes.device.type == "cpu":
+        if is_logged or self.processes.device.type == "cpu":
             self._check_losses()
         self.state.seconds += time.perf_counter() - start
         text = self._log(records) if is_logged else ""
         is_late = time.perf_counter() - self._saved_at > _CHECKPOINT_S
         if self.state.step % self.config.checkpoint_every == 0 or is_late:
-            self._save()
+            self.save()
         return text
 
     @property
@@ -182,13 +199,13 @@ class Trainer:
                 group["lr"] = rate * factor
 
     def _noise_seed(self, step: int, purpose: int) -> int:
-        words = np.random.SeedSequence([self.config.seed, step, self._processes.rank, purpose])
+        words = np.random.SeedSequence([self.config.seed, step, self.processes.rank, purpose])
         return int(words.generate_state(1, np.uint64)[0] >> np.uint64(1))
 
     def _autocast(self) -> AbstractContextManager[object]:
         if self.config.precision == "float32":
             return nullcontext()
-        return torch.autocast(self._processes.device.type, dtype=torch.bfloat16)
+        return torch.autocast(self.processes.device.type, dtype=torch.bfloat16)
 
     @torch.no_grad()
     def _follow(self) -> None:
@@ -223,10 +240,16 @@ class Trainer:
             else f"loss {loss:.4f}"
         )
 
-    def _save(self) -> None:
+    def save(self) -> None:
+        """Write a checkpoint.
+
+        Raises:
+            RunError: a loss or a weight is not finite.
+            OSError: it cannot be written.
+        """
         self._check_losses()
         self.state.sums = {name: (float(total), self._counts[name]) for name, total in self._sums.items()}
-        if self._processes.is_first:
+        if self.processes.is_first:
             save_checkpoint(self._folder / LATEST, self.state, self.algorithm, self._average)
         self._saved_step, self._saved_at = self.state.step, time.perf_counter()
 
@@ -236,7 +259,7 @@ class Trainer:
         is_time = state.step % every == 0 or state.step == self.config.steps
         if self._develop is None or not is_time or state.developed == state.step or stop.is_set:
             return
-        self._save()
+        self.save()
         try:
             rows = self._develop(self._folder / LATEST, stop)
         except KeyboardInterrupt:  # a measurement that was not finished will be made anew
@@ -245,14 +268,14 @@ class Trainer:
         state.developed = state.step
         if successes >= state.best_successes:  # of equal ones the latest
             state.best_step, state.best_successes = state.step, successes
-            save_weights(self._folder / BEST, state, self._average or self.algorithm)
+            save_weights(self._folder / BEST, state, self.acting)
         records.add_development(state, rows)
-        self._save()
+        self.save()
 
 
-def describe_run(trainer: Trainer, training_set: TrainingSet, processes: Processes) -> list[str]:
+def describe_run(trainer: Trainer, source: Source) -> list[str]:
     """Return lines that say what will be trained, on what."""
-    held, config = training_set.manifest, trainer.config
+    config, processes = trainer.config, trainer.processes
     number = f"{processes.world_size} processes, " if processes.world_size > 1 else ""
     device = str(processes.device)
     if processes.device.type == "cuda":
@@ -262,35 +285,60 @@ def describe_run(trainer: Trainer, training_set: TrainingSet, processes: Process
     samples = config.steps * config.batch_size
     wanted = config.development
     measured = f"success on {', '.join(wanted.objects)} every {wanted.every} steps chooses the checkpoint"
-    objects = f"{len(held.objects)} objects" if len(held.objects) > 1 else held.objects[0]
     return [
-        f"{config.name}, {config.task}: {held.steps} steps of {held.trajectories} demonstrations on {objects}, "
-        f"{held.sizes.points} points each",
+        f"{config.name}, {config.task}: {source.text}",
         f"network {config.network.kind}, {trainer.parameters} parameters; {config.steps} steps of "
         f"{config.batch_size}, {samples} samples; {config.precision} on {number}{device}",
         measured if trainer.measures else "no success is measured: the last checkpoint counts",
     ]
 
 
-def make_info(config: TrainConfig, training_set: TrainingSet, versions: dict[str, str]) -> RunInfo:
-    """Return what a new run says of itself."""
-    held = training_set.manifest
-    statistics: dict[str, Any] = training_set.statistics._asdict()
-    return RunInfo(
-        task=held.task,
-        algorithm=config.name,
-        control_mode=held.control_mode,
-        sampling=dict(held.sampling),
-        sizes=dict(vars(held.sizes)),
-        statistics={name: [float(x) for x in values] for name, values in statistics.items()},
-        overrides=held.overrides,
-        data=data_digest(training_set),
-        objects=list(held.objects),
-        steps=held.steps,
-        versions=versions,
-    )
+class SetSource:
+    """Demonstrations, as what a run learns from.
 
+    Args:
+        training_set: that has them.
+    """
 
-def data_digest(training_set: TrainingSet) -> str:
-    """Return what tells a training set from others: a digest of its manifest, which has its files' checksums."""
-    return hashlib.sha256(manifest_text(training_set.manifest).encode()).hexdigest()
+    def __init__(self, training_set: TrainingSet) -> None:
+        self._set = training_set
+
+    @property
+    def text(self) -> str:
+        """What that is, in a line."""
+        held = self._set.manifest
+        objects = f"{len(held.objects)} objects" if len(held.objects) > 1 else held.objects[0]
+        steps = f"{held.steps} steps of {held.trajectories} demonstrations"
+        return f"{steps} on {objects}, {held.sizes.points} points each"
+
+    def batches(self, trainer: Trainer) -> BatchLoader:
+        """Return the loader of a run."""
+        config, processes = trainer.config, trainer.processes
+        return BatchLoader(
+            self._set,
+            config.batch_size,
+            config.seed,
+            trainer.algorithm.needs_next,
+            processes.rank,
+            processes.world_size,
+            trainer.state.step,
+            processes.device,
+        )
+
+    def info(self, config: TrainConfig, versions: dict[str, str]) -> RunInfo:
+        """Return what a new run says of itself."""
+        held = self._set.manifest
+        statistics: dict[str, Any] = self._set.statistics._asdict()
+        return RunInfo(
+            task=held.task,
+            algorithm=config.name,
+            control_mode=held.control_mode,
+            sampling=dict(held.sampling),
+            sizes=dict(vars(held.sizes)),
+            statistics={name: [float(x) for x in values] for name, values in statistics.items()},
+            overrides=held.overrides,
+            data=hashlib.sha256(manifest_text(held).encode()).hexdigest(),
+            objects=list(held.objects),
+            steps=held.steps,
+            versions=versions,
+        )

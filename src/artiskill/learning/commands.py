@@ -1,0 +1,154 @@
+"""Commands as numbers that a network can give, and a command's way from there to an action.
+
+A policy that learns commands (`artiskill.experts.command`) gives, for each phase of the work, a motion and what
+fingers do, and says which phase it is; the likeliest one acts. A regression over several phases would act by their
+mean, which is none. NumPy, or torch where arrays are tensors; imports no torch.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from artiskill.config import check_positive
+from artiskill.experts.command import Command, CommandController, Grip
+from artiskill.experts.whole_body import TRUNK, WholeBodyConfig, WholeBodyController
+from artiskill.robots.config import RobotConfig
+from artiskill.robots.kinematics import RobotKinematics
+
+GRIPS = len(Grip)
+_TWIST = 6
+# what counts as 1 in a vector; typical, not the most
+_LINEAR_M_S, _ANGULAR_RAD_S, _TRUNK_M_S, _GAIN_S, _PRESS_N, _WIDTH_M = 0.8, 3.0, 0.6, 2.0, 50.0, 0.02
+_MOST = 1.5  # of these: motions beyond are asked for nowhere, and a network need not tell how far
+
+
+class CommandParts(NamedTuple):
+    """The numbers of one phase; arrays or tensors."""
+
+    motion: Any  # (B, M)
+    width: Any  # (B, A)
+    grip: Any  # (B, A, 3) logits
+
+
+@dataclass(frozen=True)
+class CommandSpace:
+    """All that is needed to turn numbers into commands, and commands into actions."""
+
+    robot: RobotConfig
+    step_s: float  # duration of one environment step
+    phases: tuple[str, ...]  # of the expert
+    arms: int  # that are moved
+    whole_body: WholeBodyConfig
+    arm_qpos_rad: tuple[float, ...]  # posture of the arms that are moved
+    close_speed_m_s: float  # of a finger that closes slowly
+    rolls: bool  # whether the last joint of each arm is free to turn
+
+    def __post_init__(self) -> None:
+        check_positive(self, "step_s", "close_speed_m_s", "arms")
+
+    @property
+    def motion_size(self) -> int:
+        """How many numbers say how trunk and hands move: M."""
+        return _TWIST * self.arms + TRUNK + 1 + (self.arms > 1)
+
+    @property
+    def label_size(self) -> int:
+        """How many numbers a command is: motion, widths, grips, phase."""
+        return self.motion_size + 2 * self.arms + 1
+
+    @property
+    def output_size(self) -> int:
+        """How many numbers a network gives: a logit and `CommandParts` for each phase."""
+        return len(self.phases) * (1 + self.motion_size + (1 + GRIPS) * self.arms)
+
+    @cached_property
+    def _units(self) -> np.ndarray:
+        """Return what counts as 1 in a motion, (M,)."""
+        twist = [_LINEAR_M_S] * 3 + [_ANGULAR_RAD_S] * 3
+        press = [_PRESS_N] if self.arms > 1 else []
+        return np.array(twist * self.arms + [_TRUNK_M_S] * TRUNK + [_GAIN_S] + press)
+
+    def encode(self, command: Command) -> np.ndarray:
+        """Return a command as numbers, (`label_size`,) float32."""
+        press = [command.press_n] if self.arms > 1 else []
+        motion = (command.twists.reshape(-1), command.trunk_qvel, [command.arm_gain_s], press)
+        scaled = np.concatenate(motion) / self._units
+        width = np.asarray(command.width_m) / _WIDTH_M - 1.0
+        parts = (np.clip(scaled, -_MOST, _MOST), width, command.grip, [command.phase])
+        return np.concatenate(parts).astype(np.float32)
+
+    def decode(self, label: np.ndarray) -> Command:
+        """Return the command that numbers (`label_size`,) say; their grips and phase are whole."""
+        m, a = self.motion_size, self.arms
+        values = np.asarray(label, dtype=np.float64)
+        motion = values[:m] * self._units
+        return Command(
+            phase=int(values[-1]),
+            twists=motion[: _TWIST * a].reshape(a, _TWIST),
+            trunk_qvel=motion[_TWIST * a : _TWIST * a + TRUNK],
+            arm_gain_s=max(0.0, float(motion[_TWIST * a + TRUNK])),
+            grip=values[m + a : m + 2 * a].astype(np.int64),
+            width_m=(values[m : m + a] + 1.0) * _WIDTH_M,
+            press_n=max(0.0, float(motion[-1])) if a > 1 else 0.0,
+        )
+
+    def parts(self, outputs: Any, phase: Any) -> CommandParts:
+        """Return the numbers of one phase, (B,) whole, of each row of a network's outputs (B, `output_size`)."""
+        m, a, p = self.motion_size, self.arms, len(self.phases)
+        each = outputs[:, p:].reshape(len(outputs), p, -1)
+        chosen = each[range(len(outputs)), phase]
+        return CommandParts(chosen[:, :m], chosen[:, m : m + a], chosen[:, m + a :].reshape(-1, a, GRIPS))
+
+    def phase_logits(self, outputs: Any) -> Any:
+        """Return (B, P) of a network's outputs."""
+        return outputs[:, : len(self.phases)]
+
+    def likeliest(self, outputs: np.ndarray) -> np.ndarray:
+        """Return the commands (B, `label_size`) of the likeliest phases of a network's outputs."""
+        phase = self.phase_logits(outputs).argmax(1)
+        found = self.parts(outputs, phase)
+        return np.concatenate((found.motion, found.width, found.grip.argmax(2), phase[:, None]), axis=1)
+
+
+class CommandActor:
+    """Carries commands out by the robot's proprioception alone.
+
+    Args:
+        space: of the commands.
+
+    Attributes:
+        space: likewise.
+        kinematics: of the robot.
+    """
+
+    def __init__(self, space: CommandSpace) -> None:
+        self.space = space
+        body = WholeBodyController(space.robot, space.whole_body, space.arms)
+        posture = np.array(space.arm_qpos_rad)
+        self._controller = CommandController(body, posture, space.close_speed_m_s, space.rolls)
+        self.kinematics = RobotKinematics(space.robot)
+
+    def action(self, agent: np.ndarray, label: np.ndarray) -> np.ndarray:
+        """Return the action (R,), in the control mode `joint`, of a robot (S,) that is asked for a command."""
+        pose = self.kinematics.pose(np.asarray(agent, dtype=np.float64)[None], self.space.step_s)
+        return self._controller.action(pose, self.space.decode(label))
+
+
+def command_space(
+    robot: RobotConfig, step_s: float, controller: CommandController, phases: Sequence[str]
+) -> CommandSpace:
+    """Return the space of an expert's commands."""
+    body = controller.whole_body
+    return CommandSpace(
+        robot=robot,
+        step_s=step_s,
+        phases=tuple(phases),
+        arms=(body.num_joints - TRUNK) // body.arm_joints,
+        whole_body=body.config,
+        arm_qpos_rad=tuple(controller.arm_qpos_rad.tolist()),
+        close_speed_m_s=controller.close_speed_m_s,
+        rolls=controller.rolls,
+    )

@@ -1,0 +1,123 @@
+"""DAgger (Ross et al., 2011): the policy acts, the expert says what it would have done, the policy learns that.
+
+A round adds what policy and expert have met (`learning/rollouts.py`); training goes on with all rounds so far.
+What is learned are the expert's commands (`learning/commands.py`): a motion for each phase of the work, and which
+phase it is. One motion for all phases would be their mean where the phase is not certain, and do nothing.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import cross_entropy, smooth_l1_loss
+from torch.optim import AdamW
+
+from artiskill.config import check_inside, check_not_negative, check_positive, check_value, from_mapping
+from artiskill.experts.command import Grip
+from artiskill.learning.algorithm import Algorithm, Autocast, MakeNetwork, Sync, descend
+from artiskill.learning.batch import Batch, Observation, Sizes
+from artiskill.learning.commands import GRIPS, CommandSpace
+
+
+@dataclass(frozen=True)
+class DAggerConfig:
+    """Values of DAgger; those from `objects` on are of the rollouts."""
+
+    learning_rate: float
+    weight_decay: float
+    gradient_norm: float  # longer gradients are shortened to it
+    error_bend: float  # errors of motions count by their squares up to here, then by their lengths
+    width_weight: float  # of the error of open fingers' width, where that of motions has 1
+    grip_weight: float  # of the cross-entropy of what fingers do
+    phase_weight: float  # of the cross-entropy of phases
+    objects: tuple[str, ...]  # as `resolve_objects` takes them, never of a split that is measured
+    points: int  # of a cloud
+    shares: tuple[int, ...]  # how these are shared out among the masks, and the points in none
+    rounds: int
+    collectors: int  # vectors of environments in each round; as many processes may share them
+    envs: int  # in each vector
+    rollout_steps: int  # of each environment
+    expert_rounds: int  # the first ones, in which the expert alone acts
+    whole_share: float  # of the later episodes, those in which the policy acts to the end
+    takeover_steps: tuple[int, int]  # fewest and most steps of the others after which the expert takes over
+
+    def __post_init__(self) -> None:
+        check_positive(self, "learning_rate", "gradient_norm", "error_bend", "points", "rounds", "expert_rounds")
+        check_positive(self, "collectors", "envs", "rollout_steps")
+        check_not_negative(self, "weight_decay", "width_weight", "grip_weight", "phase_weight")
+        check_inside("whole_share", self.whole_share, (0, 1))
+        check_value(self, "objects", len(self.objects) > 0, "needs objects")
+        are_shares = len(self.shares) > 0 and min(self.shares) >= 0 and sum(self.shares) > 0
+        check_value(self, "shares", are_shares, "needs numbers of at least 0, and one above")
+        low, high = self.takeover_steps
+        check_value(self, "takeover_steps", 0 <= low <= high, "must be two rising whole numbers from 0 on")
+
+    @property
+    def round_samples(self) -> int:
+        """Steps that a round adds at most."""
+        return self.collectors * self.envs * self.rollout_steps
+
+
+class DAgger(Algorithm):
+    """A policy that commands as the expert would; `choose` gives commands as numbers, see `CommandSpace`."""
+
+    Config = DAggerConfig
+    needs_next = False
+
+    def __init__(
+        self,
+        config: DAggerConfig,
+        make: MakeNetwork,
+        sizes: Sizes,
+        action_std: Tensor | None = None,
+        commands: Mapping[str, Any] = MappingProxyType({}),
+    ) -> None:
+        super().__init__(None, False)
+        self.config = config
+        self.commands = from_mapping(CommandSpace, commands, "commands")
+        self.policy = make(self.commands.output_size, 0)
+        rate, decay = config.learning_rate, config.weight_decay
+        self.optimizers = {"policy": AdamW(self.policy.parameters(), lr=rate, weight_decay=decay)}
+
+    def update(
+        self, batch: Batch, step: int, noise: torch.Generator, sync: Sync, autocast: Autocast
+    ) -> dict[str, Tensor]:
+        """Take one step down the errors of the expert's commands, which are the batch's `action`."""
+        with autocast():
+            outputs = self.policy(batch.observation)
+        loss, numbers = self.loss(outputs.float(), batch.action)
+
+        def shorten(parameters: Iterable[nn.Parameter]) -> None:
+            parameters = list(parameters)
+            sync(parameters)
+            nn.utils.clip_grad_norm_(parameters, self.config.gradient_norm)
+
+        descend(loss, self.optimizers["policy"], shorten)
+        return numbers
+
+    def loss(self, outputs: Tensor, label: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
+        """Return the loss of outputs (B, O) for commands (B, V), and its parts to log.
+
+        A motion is compared in the phase that the expert is in; widths count where fingers are open.
+        """
+        config, m, a = self.config, self.commands.motion_size, self.commands.arms
+        grip, phase = label[:, m + a : m + 2 * a].long(), label[:, -1].long()
+        found = self.commands.parts(outputs, phase)
+        motion = smooth_l1_loss(found.motion, label[:, :m], beta=config.error_bend)
+        width_error = smooth_l1_loss(found.width, label[:, m : m + a], beta=config.error_bend, reduction="none")
+        width = (width_error * (grip == Grip.OPEN)).mean()
+        grips = cross_entropy(found.grip.reshape(-1, GRIPS), grip.reshape(-1))
+        logits = self.commands.phase_logits(outputs)
+        phases = cross_entropy(logits, phase)
+        loss = motion + config.width_weight * width + config.grip_weight * grips + config.phase_weight * phases
+        right = (logits.argmax(1) == phase).float().mean()
+        numbers = {"imitation_loss": motion, "grip_loss": grips, "phase_loss": phases, "phase_accuracy": right}
+        return loss, {name: number.detach() for name, number in numbers.items()}
+
+    def choose(self, observation: Observation) -> Tensor:
+        """Return the commands (B, V) of the likeliest phases."""
+        outputs = self.policy(observation).float().cpu()
+        return torch.from_numpy(self.commands.likeliest(outputs.detach().numpy()))

@@ -1,0 +1,335 @@
+"""DAgger: commands as numbers, what is learned of them, rollouts that repeat, a policy that acts as it learned."""
+# ruff: noqa: E402
+
+import csv
+import dataclasses
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from tests.learning.clouds import observe
+
+from artiskill.config import from_mapping, to_mapping
+from artiskill.errors import ConfigError, UnknownNameError
+from artiskill.evaluation.evaluate import evaluate
+from artiskill.experts.command import Command, Grip
+from artiskill.experts.whole_body import WholeBodyConfig
+from artiskill.learning.array_policy import ArrayPolicy
+from artiskill.learning.batch import Batch, Sizes, Statistics
+from artiskill.learning.commands import CommandSpace
+from artiskill.learning.dagger import DAgger
+from artiskill.learning.features import Scale, make_features
+from artiskill.learning.network_config import load_network_config
+from artiskill.learning.networks import make_network
+from artiskill.learning.observation import ObservationArrays
+from artiskill.learning.policy import RunPolicy, export_policy
+from artiskill.learning.rollouts import ROUNDS, shared_out
+from artiskill.learning.run import LATEST
+from artiskill.learning.train import RolloutData, train
+from artiskill.learning.train_config import algorithm_config, load_train_config
+from artiskill.robots.config import load_robot
+from artiskill.robots.kinematics import RobotKinematics
+
+TASK = "OpenCabinetDrawer"
+AGENT = {1: 38, 2: 68}
+PHASES = ("reach", "grip", "pull")
+
+
+def space(arms: int = 1) -> CommandSpace:
+    robot = load_robot("one_arm" if arms == 1 else "two_arms")
+    posture = robot.initial.arm_qpos_rad * arms
+    return CommandSpace(robot, 0.05, PHASES, arms, WholeBodyConfig(), posture, 0.1, False)
+
+
+def command(arms: int, seed: int = 0) -> Command:
+    rng = np.random.default_rng(seed)
+    return Command(
+        phase=int(rng.integers(3)),
+        twists=rng.uniform(-0.5, 0.5, (arms, 6)),
+        trunk_qvel=rng.uniform(-0.5, 0.5, 4),
+        arm_gain_s=float(rng.uniform(0, 2)),
+        grip=rng.integers(0, 3, arms),
+        width_m=rng.uniform(0, 0.04, arms),
+        press_n=30.0 if arms == 2 else 0.0,
+    )
+
+
+@pytest.mark.parametrize("arms", [1, 2])
+def test_a_command_survives_being_numbers(arms: int) -> None:
+    for seed in range(10):
+        given = command(arms, seed)
+        back = space(arms).decode(space(arms).encode(given))
+        for field in dataclasses.fields(Command):
+            np.testing.assert_allclose(
+                getattr(back, field.name), getattr(given, field.name), atol=1e-6, rtol=1e-5, err_msg=field.name
+            )
+
+
+def test_motions_beyond_any_use_are_shortened() -> None:
+    far = dataclasses.replace(command(1), trunk_qvel=np.array((9.0, -9.0, 0.1, 0.0)))
+    back = space().decode(space().encode(far))
+    np.testing.assert_allclose(back.trunk_qvel, [0.9, -0.9, 0.1, 0.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("arms", [1, 2])
+def test_the_likeliest_phase_acts(arms: int) -> None:
+    """Outputs are laid out here by hand: logits of phases, then motion, widths and logits of grips of each."""
+    own, given = space(arms), command(arms, 3)
+    label, m = own.encode(given), own.motion_size
+    outputs = np.random.default_rng(0).normal(size=(2, own.output_size)).astype(np.float32)
+    outputs[1, : len(PHASES)] = np.eye(3)[given.phase] * 9
+    block = outputs[1, len(PHASES) :].reshape(3, -1)[given.phase]  # a view
+    block[: m + arms] = label[: m + arms]
+    block[m + arms :] = (np.eye(3)[given.grip] * 9).reshape(-1)
+    np.testing.assert_allclose(own.likeliest(outputs)[1], label, atol=1e-6)
+
+
+def test_a_space_survives_being_saved() -> None:
+    assert from_mapping(CommandSpace, to_mapping(space(2))) == space(2)
+
+
+def make_dagger(arms: int = 1, **values: Any) -> DAgger:
+    config = load_train_config(
+        "dagger", TASK, overrides={f"algorithm.{key}": value for key, value in values.items()}
+    )
+    network = dataclasses.replace(load_network_config("kinematic"), point_layers=(16,), head=(32,))
+    sizes = Sizes(40, 3, AGENT[arms], 13)
+    zeros, ones = np.zeros(AGENT[arms]), np.ones(AGENT[arms])
+    statistics = Statistics(zeros[:3], ones[:3], zeros, ones)
+
+    def make(outputs: int, extra: int) -> Any:
+        generator = torch.Generator().manual_seed(1)
+        return make_network(network, sizes, statistics, outputs, extra, generator, "robot", space(arms).robot)
+
+    return DAgger(algorithm_config(config), make, sizes, None, to_mapping(space(arms)))
+
+
+def labels(count: int, arms: int = 1) -> Any:
+    return torch.from_numpy(np.array([space(arms).encode(command(arms, seed)) for seed in range(count)]))
+
+
+def test_the_loss_counts_only_the_phase_that_the_expert_is_in() -> None:
+    dagger, label = make_dagger(), labels(4)
+    own, m = space(), space().motion_size
+    outputs = torch.zeros(4, own.output_size)
+    for row in range(4):
+        phase = int(label[row, -1])
+        outputs[row, phase] = 30.0
+        block = outputs[row, 3:].reshape(3, -1)
+        block[:] = 7.0
+        block[phase, : m + 1] = label[row, : m + 1]
+        block[phase, m + 1 :] = torch.eye(3)[int(label[row, m + 1])] * 30
+    loss, numbers = dagger.loss(outputs, label)
+    assert float(loss) < 1e-6
+    assert float(numbers["phase_accuracy"]) == 1.0
+    outputs[:, 3:] += 0.5  # errors beyond the bend count by their length, less half of the bend
+    _, numbers = dagger.loss(outputs, label)
+    assert float(numbers["imitation_loss"]) == pytest.approx(0.49, abs=1e-4)
+
+
+def test_the_width_of_a_closed_hand_does_not_count() -> None:
+    dagger, own = make_dagger(grip_weight=0.0, phase_weight=0.0), space()
+    losses = []
+    for grip in (Grip.OPEN, Grip.SHUT):
+        given = dataclasses.replace(command(1), grip=np.array([grip]), width_m=np.array([0.04]))
+        label = torch.from_numpy(own.encode(given))[None]
+        outputs = torch.zeros(1, own.output_size)
+        outputs[0, 3:].reshape(3, -1)[:, : own.motion_size] = label[0, : own.motion_size]
+        losses.append(float(dagger.loss(outputs, label)[0]))
+    assert losses[0] == pytest.approx(0.05 * 0.99, rel=1e-3)
+    assert losses[1] == 0
+
+
+def test_updates_learn_the_commands() -> None:
+    """Random clouds have commands of their own; the network tells them apart."""
+    dagger, seen, label = make_dagger().train(), observe(batch=16), labels(16)
+    batch = Batch(seen, label, *[torch.ones(16)] * 3, None)
+    from contextlib import nullcontext
+
+    first = dagger.update(batch, 0, torch.Generator(), lambda parameters: None, nullcontext)
+    for step in range(300):
+        last = dagger.update(batch, step, torch.Generator(), lambda parameters: None, nullcontext)
+    assert float(last["imitation_loss"]) < 0.2 * float(first["imitation_loss"])
+    assert float(last["phase_accuracy"]) == 1.0
+    np.testing.assert_allclose(dagger.act(seen)[:, -1], label[:, -1])
+
+
+def kinematic_features(agent: np.ndarray, points: np.ndarray, frame: str, origin: bool) -> Any:
+    robot = space(1 if agent.shape[1] == 38 else 2).robot
+    config = dataclasses.replace(load_network_config("kinematic").input, origin=origin)
+    seen = ObservationArrays(
+        points,
+        np.zeros_like(points),
+        np.ones((*points.shape[:2], 1), np.float32),
+        np.ones(points.shape[:2], bool),
+        agent,
+    )
+    scale = Scale(np.zeros(3), np.ones(3), np.zeros(agent.shape[1]), np.ones(agent.shape[1]))
+    return make_features(seen, config, scale, frame, RobotKinematics(robot))
+
+
+@pytest.mark.parametrize("arms", [1, 2])
+def test_features_do_not_depend_on_where_the_robot_is(arms: int) -> None:
+    """The world is turned by 0.7 and moved: base, its velocity, fingertips and points with it."""
+    rng = np.random.default_rng(2)
+    agent = rng.uniform(-1, 1, (1, AGENT[arms]))
+    points = rng.normal(size=(1, 8, 3))
+    turn, way = (
+        np.array(((np.cos(0.7), -np.sin(0.7), 0), (np.sin(0.7), np.cos(0.7), 0), (0, 0, 1))),
+        np.array((3, -2, 0)),
+    )
+    moved, start = agent.copy(), 12 * arms
+    tips = agent[0, : 6 * arms].reshape(-1, 3)
+    moved[0, : 6 * arms] = (tips @ turn.T + way).reshape(-1)
+    moved[0, 6 * arms : start] = (agent[0, 6 * arms : start].reshape(-1, 3) @ turn.T).reshape(-1)
+    moved[0, start : start + 2] = (turn @ [*agent[0, start : start + 2], 0] + way)[:2]
+    moved[0, start + 2] += 0.7
+    moved[0, start + 3 : start + 5] = (turn @ [*agent[0, start + 3 : start + 5], 0])[:2]
+    seen, other = (
+        kinematic_features(a.astype(np.float32), p.astype(np.float32), "world", False)
+        for a, p in ((agent, points), (moved, points @ turn.T + way))
+    )
+    np.testing.assert_allclose(other.state, seen.state, atol=1e-5)
+    np.testing.assert_allclose(other.points, seen.points, atol=1e-5)
+    told = kinematic_features(moved.astype(np.float32), points.astype(np.float32), "robot", True)
+    assert told.state.shape[1] == seen.state.shape[1] + 4, "the origin's place and its squashed copy"
+
+
+def test_tensors_and_arrays_have_the_same_features() -> None:
+    seen = observe(batch=3)
+    robot = RobotKinematics(space().robot)
+    config = load_network_config("kinematic").input
+    plain = [np.zeros(3), np.ones(3), np.zeros(38), np.ones(38)]
+    arrays = ObservationArrays(*(one.numpy() for one in seen))
+    ours = make_features(arrays, config, Scale(*plain), "robot", robot)
+    theirs = make_features(seen, config, Scale(*map(torch.from_numpy, plain)), "robot", robot)
+    np.testing.assert_allclose(ours.points, theirs.points.numpy(), atol=1e-5)
+    np.testing.assert_allclose(ours.state, theirs.state.numpy(), atol=1e-4)
+    assert {one.dtype for one in ours[:3]} == {np.dtype(np.float32)}
+
+
+def test_shares_of_points() -> None:
+    assert shared_out(128, (4, 3, 0, 1)) == [64, 48, 0, 16]
+    assert shared_out(10, (1, 2)) == [3, 7]
+    assert sum(shared_out(101, (3, 3, 1))) == 101
+
+
+def test_what_is_refused() -> None:
+    with pytest.raises(UnknownNameError, match="kinematic"):
+        load_train_config("bc", TASK, "kinematic")
+    with pytest.raises(ConfigError, match="body is for dagger"):
+        load_train_config("bc", TASK, overrides={"network.input.body": True})
+    with pytest.raises(ConfigError, match="takeover_steps"):
+        load_train_config("dagger", TASK, overrides={"algorithm.takeover_steps": [9, 3]})
+    config = load_train_config("dagger", TASK, overrides={"algorithm.objects": ["test"]})
+    with pytest.raises(ConfigError, match="is of 'test'"):
+        RolloutData().open(config, Path("nowhere"))
+    config = load_train_config("dagger", TASK, overrides={"algorithm.shares": [1, 1]})
+    with pytest.raises(ConfigError, match="needs 4 numbers"):
+        RolloutData().open(config, Path("nowhere"))
+
+
+# -- runs ---------------------------------------------------------------------------------------------------------
+
+TINY: dict[str, Any] = {
+    "algorithm.objects": ["cabinet-0002", "cabinet-0007"],
+    "algorithm.points": 24,
+    "algorithm.rounds": 3,
+    "algorithm.collectors": 2,
+    "algorithm.envs": 2,
+    "algorithm.rollout_steps": 12,
+    "algorithm.expert_rounds": 1,
+    "algorithm.takeover_steps": [2, 6],
+    "network.point_layers": [8],
+    "network.head": [8],
+    "steps": 9,
+    "batch_size": 8,
+    "log_every": 3,
+    "development.objects": [],
+}
+
+
+def tiny_run(folder: Path, workers: int = 1, stop_at: int = 0) -> Path:
+    """Train a tiny run, or until it is interrupted after a step."""
+
+    def on_step(step: int, text: str) -> None:
+        if step == stop_at:
+            raise ZeroDivisionError("as a crash would")
+
+    config = load_train_config("dagger", TASK, overrides=TINY)
+    train(config, RolloutData(workers, lambda text: None), folder, "cpu", 1, on_step=on_step)
+    return folder
+
+
+def weights(run: Path) -> dict[str, Any]:
+    return torch.load(run / LATEST, weights_only=True)["weights"]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tiny_run(tmp_path_factory.mktemp("dagger") / "whole")
+
+
+def test_a_run_has_rounds_and_says_what_came_of_them(whole: Path) -> None:
+    with (whole / "rounds.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["round"]) for row in rows] == [0, 1, 2]
+    assert [int(float(row["samples"])) for row in rows] == [48, 48, 48]
+    assert len(list((whole / ROUNDS).glob("*.npz"))) == 6
+    assert len(list((whole / ROUNDS).glob("*.pt"))) == 2, "the expert alone acts in the first round"
+
+
+@pytest.mark.parametrize(("workers", "stop_at"), [(2, 0), (1, 4), (1, 8)])
+def test_the_same_bits_in_any_number_of_processes_and_after_a_crash(
+    whole: Path, tmp_path: Path, workers: int, stop_at: int
+) -> None:
+    run = tmp_path / "run"
+    if stop_at:
+        with pytest.raises(ZeroDivisionError):
+            tiny_run(run, workers, stop_at)
+    ours, theirs = weights(tiny_run(run, workers)), weights(whole)
+    for name, value in theirs.items():
+        assert torch.equal(ours[name], value), name
+
+
+def test_a_round_that_is_lost_is_missed(whole: Path, tmp_path: Path) -> None:
+    from artiskill.errors import RunError
+
+    run = tmp_path / "run"
+    shutil.copytree(whole, run)
+    (run / ROUNDS / "0000-1.npz").unlink()
+    (run / LATEST).unlink()
+    with pytest.raises(ZeroDivisionError):
+        tiny_run(run, stop_at=5)
+    (run / ROUNDS / "0000-0.npz").unlink()
+    with pytest.raises(RunError, match="is missing"):
+        tiny_run(run)
+
+
+def test_a_run_acts_and_its_file_acts_alike_without_torch(whole: Path, tmp_path: Path) -> None:
+    from artiskill.envs.manipulation import ManipulationEnv
+
+    header = export_policy(whole, tmp_path / "policy.npz")
+    assert header.algorithm == "dagger"
+    run, file = RunPolicy(whole), ArrayPolicy(tmp_path / "policy.npz")
+    env = ManipulationEnv(TASK, ["cabinet-0002"], obs_mode="pointcloud")
+    from artiskill.envs.wrappers import Sampling
+
+    env = Sampling(**run.sampling).wrap(env)
+    seen, _ = env.reset(options={"level": 5})
+    for _ in range(5):
+        action = file.act(seen)
+        np.testing.assert_allclose(action, run.act(seen), atol=1e-5)
+        assert action.shape == (13,)
+        assert np.abs(action).max() <= 1
+        seen, *_ = env.step(action)
+
+
+def test_a_run_is_evaluated(whole: Path) -> None:
+    report = evaluate(TASK, str(whole), ["cabinet-0007"], episodes=1, config={"episode_steps": 5})
+    assert report.rows[0].stats.episodes == 1
