@@ -44,6 +44,21 @@ class Command:
     press_n: float = 0.0
 
 
+def in_hand_axes(state: RobotState, twists_w: np.ndarray) -> np.ndarray:
+    """Return twists (A, 6) of the hands in their own axes, given in the world's."""
+    turn = state.tool_rotation_w[0, : len(twists_w)]  # (A, 3, 3)
+    turned: np.ndarray = np.einsum("aji,akj->aki", turn, twists_w.reshape(-1, 2, 3)).reshape(-1, 6)
+    return turned
+
+
+def in_base_axes(state: RobotState, trunk_w: np.ndarray) -> np.ndarray:
+    """Return velocities (4,) of the trunk with base x and y along the base's axes, given along the world's."""
+    cos, sin = np.cos(state.robot_qpos[0, 2]), np.sin(state.robot_qpos[0, 2])
+    return np.array(
+        (cos * trunk_w[0] + sin * trunk_w[1], cos * trunk_w[1] - sin * trunk_w[0], trunk_w[2], trunk_w[3])
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class CommandController:
     """Turns commands into actions.

@@ -77,6 +77,11 @@ def limited(vector: np.ndarray, length: float) -> np.ndarray:
     return vector * min(1.0, length / max(float(np.linalg.norm(vector)), 1e-9))
 
 
+def ramp(value: float, low: float, high: float) -> float:
+    """Return 0 at `low` or beyond, 1 at `high` or beyond, linear in between; `low` may be above `high`."""
+    return min(max((float(value) - low) / (high - low), 0.0), 1.0)
+
+
 def curved(velocity: np.ndarray, angle_rad: float) -> np.ndarray:
     """Return a velocity on the floor, (2,), turned aside by at most 1.2 rad: it must come nearer to its target."""
     angle = min(max(angle_rad, -_MOST_ASIDE_RAD), _MOST_ASIDE_RAD)

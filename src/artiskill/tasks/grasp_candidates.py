@@ -1,17 +1,16 @@
-"""Where controllers can take hold of an object: columns of chairs that a hand closes around, walls of buckets.
+"""Where controllers can take hold of an object: between two hands, a chair by its seat, a bucket by its wall.
 
 Rewards and success do not depend on these; they are part of goals for the sake of experts.
 """
 
 import itertools
-import math
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape
-from artiskill.assets.kinematics import joint_values, link_poses
+from artiskill.assets.kinematics import link_poses
 from artiskill.geometry.arrays import matmul, rotate
 from artiskill.geometry.meshes import convex_hull
 from artiskill.geometry.rotations import quat_to_matrix, transform_points
@@ -21,127 +20,58 @@ _CACHED_OBJECTS = 256
 OUTLINE_DIRECTIONS = 72  # every five degrees, from the root's +x on
 OUTLINE_LEVELS = (0.3, 0.4, 0.5, 0.6, 0.7)  # shares of the body's height
 
-COLUMNS = 4  # slots: a frame has at most four
-_THICKEST_M = 0.07  # the fingers open 0.08 m
-_SHORTEST_M = 0.05  # free part of a column
-_LEAST_UPRIGHT = math.cos(0.4)
-_HANDS_WAY_M = 0.15  # what stands this near to a column blocks its height for a hand
-_UPWARDS = 0.6  # of the free part: a hand is thicker than its fingers and tilted, what is below hinders it first
-_BELOW_HAND_M, _ABOVE_HAND_M = 0.03, 0.075  # what a hand needs: below for itself, above for its wrist and tilt
-_HEIGHTS_M = (0.08, 0.5)  # where a hand can grip
+SEAT_DIRECTIONS = 360  # the same for a seat, beside which thin things stand
+_SEAT_M = (0.25, 0.75)  # heights of seats' middles
+_SEAT_AHEAD_M = 0.1  # hands take a seat so far ahead of its middle: most armrests' posts stand further back
+_HALF_FINGERS_M, _HALF_HAND_M = 0.015, 0.1  # half the height of closed fingers, and of a hand turned on its side
+_SECTIONS = 15  # through a seat, for each of the two
 
 
 @dataclass(frozen=True, eq=False)
-class GraspableColumns:
-    """Where hands can grip the columns of a chair, on the columns' axes in the root's frame.
+class Seat:
+    """A chair's seat and what stands beside it, seen from above.
 
     Attributes:
-        points: (COLUMNS, 3) the best place of each column; zero where there are fewer columns.
-        ends: (COLUMNS, 2, 3) its lowest and its highest place.
-        count: how many columns there are.
+        link: index of the link that it belongs to.
+        position: (3,) a little ahead of its middle, halfway between its top and its bottom, in that link's frame.
+        rotation: (3, 3) of its axes there: those of the root while the chair is at rest.
+        outline: (2, D) how far the chair reaches out from there, in directions evenly around from +x on: where
+            fingertips meet it, and where a whole hand would.
     """
 
-    points: np.ndarray
-    ends: np.ndarray
-    count: int
+    link: int
+    position: np.ndarray
+    rotation: np.ndarray
+    outline: np.ndarray
 
 
 @lru_cache(maxsize=_CACHED_OBJECTS)
-def graspable_columns(obj: ArticulatedObject) -> GraspableColumns:
-    """Return where hands can grip the columns of a chair."""
-    solids = _solids(obj)
-    found: list[np.ndarray] = []
-    for column in sorted((s for s in solids if s.fixed and s.is_column), key=lambda s: -float(s.half[2])):
-        places = _grasp_points(column, solids)
-        if places is not None and len(found) < COLUMNS and not _near_any(places[0], found):
-            found.append(places)
-    slots = np.zeros((COLUMNS, 3, 3))
-    slots[: len(found)] = np.reshape(found, (-1, 3, 3))
-    return GraspableColumns(slots[:, 0], slots[:, 1:], len(found))
-
-
-def _near_any(point: np.ndarray, others: list[np.ndarray]) -> bool:
-    return any(math.dist(point[:2], other[0, :2]) < _THICKEST_M for other in others)
-
-
-@dataclass(frozen=True, eq=False)
-class _Solid:
-    """A collision shape of the chair at rest, in the chair's frame.
-
-    Attributes:
-        center: (3,).
-        half: (3,) half extents of its axis-parallel box.
-        axis: (3,) upwards along it.
-        fixed: it belongs to the root link.
-        is_column: it is thin and upright.
-    """
-
-    center: np.ndarray
-    half: np.ndarray
-    axis: np.ndarray
-    fixed: bool
-    is_column: bool
-
-    @property
-    def span(self) -> tuple[float, float]:
-        """Its lowest and highest point."""
-        return float(self.center[2] - self.half[2]), float(self.center[2] + self.half[2])
-
-    def at(self, height: float) -> np.ndarray:
-        """Return the point of its axis at a height, (3,)."""
-        return self.center + self.axis * ((height - self.center[2]) / self.axis[2])
-
-
-def _solids(obj: ArticulatedObject) -> list[_Solid]:
-    positions, quaternions = link_poses(obj, joint_values(obj, 0.0))
-    return [
-        _solid(shape, positions[i], quat_to_matrix(quaternions[i]), i == 0)
+def seat_of(obj: ArticulatedObject) -> Seat:
+    """Return a chair's seat: what is widest, seen from above, at a height to sit on."""
+    positions, quaternions = link_poses(obj, obj.rest_qpos)
+    corners = [
+        (i, np.asarray(transform_points(positions[i], quaternions[i], _corners(shape))))
         for i, link in enumerate(obj.links)
         for shape in link.collisions
     ]
+    link, seat = max(corners, key=lambda one: _seat_area(one[1]))
+    middle = (seat.min(axis=0) + seat.max(axis=0)) / 2 - (_SEAT_AHEAD_M, 0.0, 0.0)
+    hulls = [convex_hull(points).mesh for _, points in corners]
+    triangles = np.concatenate([hull.vertices[hull.faces] for hull in hulls]) - middle
+    tips, hand = (
+        np.max(
+            [_section_reach(triangles, z, SEAT_DIRECTIONS) for z in np.linspace(-half, half, _SECTIONS)], axis=0
+        )
+        for half in (_HALF_FINGERS_M, _HALF_HAND_M)
+    )
+    turn = quat_to_matrix(quaternions[link])
+    return Seat(link, rotate(turn.T, middle - positions[link]), turn.T, np.stack((tips, np.maximum(tips, hand))))
 
 
-def _solid(shape: CollisionShape, position: np.ndarray, rotation: np.ndarray, fixed: bool) -> _Solid:
-    center = position + rotate(rotation, shape.position)
-    turn = matmul(rotation, quat_to_matrix(np.asarray(shape.quaternion, dtype=float)))
-    if shape.vertices is not None:
-        corners = center + matmul(shape.vertices, turn.T)
-        center, half = (corners.min(axis=0) + corners.max(axis=0)) / 2, np.ptp(corners, axis=0) / 2
-    elif shape.kind == "box":
-        half = rotate(np.abs(turn), np.asarray(shape.size))
-    else:
-        radius, length = (*shape.size, 0.0)[:2]
-        around = 1.0 if shape.kind == "capsule" else np.sqrt(np.maximum(0.0, 1.0 - turn[:, 2] ** 2))
-        half = np.abs(turn[:, 2]) * length + radius * around
-    axis, thickness = np.array((0.0, 0.0, 1.0)), 2 * float(half[:2].max())
-    if shape.kind in ("cylinder", "capsule"):
-        axis, thickness = turn[:, 2] * np.copysign(1.0, turn[2, 2]), 2 * shape.size[0]
-    is_column = thickness <= _THICKEST_M and axis[2] >= _LEAST_UPRIGHT and 2 * half[2] >= _SHORTEST_M
-    return _Solid(center, half, axis, fixed, bool(is_column))
-
-
-def _grasp_points(column: _Solid, solids: list[_Solid]) -> np.ndarray | None:
-    """Return the best, lowest and highest place on a column's longest free part, (3, 3); None if too short."""
-    same = [s for s in solids if s.is_column and math.dist(s.center[:2], column.center[:2]) < _THICKEST_M / 2]
-    low = max(_HEIGHTS_M[0], min(s.span[0] for s in same))
-    high = min(_HEIGHTS_M[1], max(s.span[1] for s in same))
-    blocked = sorted(s.span for s in solids if not s.is_column and _blocks(s, column))
-    best, start = (0.0, 0.0), low
-    for bottom, top in [*blocked, (high, high)]:
-        if min(bottom, high) - start > best[1] - best[0]:
-            best = (start, min(bottom, high))
-        start = max(start, top)
-    free = best[1] - best[0]
-    if free < _SHORTEST_M:
-        return None
-    usual = best[0] + _UPWARDS * free
-    lowest, highest = min(usual, best[0] + _BELOW_HAND_M), max(usual, best[1] - _ABOVE_HAND_M)
-    return np.stack([column.at(height) for height in (usual, lowest, highest)])
-
-
-def _blocks(solid: _Solid, column: _Solid) -> bool:
-    gap = np.abs(solid.center[:2] - column.center[:2]) - solid.half[:2]
-    return bool(gap.max() < _HANDS_WAY_M)
+def _seat_area(corners: np.ndarray) -> float:
+    """Return the area, seen from above, of the box around corners (V, 3); 0 at heights where no seat is."""
+    size, height = np.ptp(corners, axis=0), float(corners[:, 2].min() + corners[:, 2].max()) / 2
+    return float(size[0] * size[1]) if _SEAT_M[0] < height < _SEAT_M[1] else 0.0
 
 
 @lru_cache(maxsize=_CACHED_OBJECTS)
@@ -183,7 +113,7 @@ def _half_extents(shape: CollisionShape) -> tuple[float, ...]:
     return (radius, radius, shape.size[1] + (radius if shape.kind == "capsule" else 0.0))
 
 
-def _section_reach(triangles: np.ndarray, z: float) -> np.ndarray:
+def _section_reach(triangles: np.ndarray, z: float, directions: int = OUTLINE_DIRECTIONS) -> np.ndarray:
     """Return how far the section at a height reaches out from the axis, (D,)."""
     above = triangles[:, :, 2] > z
     crossing = triangles[above.any(axis=1) & ~above.all(axis=1)]
@@ -192,7 +122,7 @@ def _section_reach(triangles: np.ndarray, z: float) -> np.ndarray:
     a, b = start[cut], end[cut]
     share = (z - a[:, 2]) / (b[:, 2] - a[:, 2])
     points = (a[:, :2] + share[:, None] * (b[:, :2] - a[:, :2])).reshape(-1, 2, 2)  # segments of the section
-    angles = 2 * np.pi / OUTLINE_DIRECTIONS * np.arange(OUTLINE_DIRECTIONS)
+    angles = 2 * np.pi / directions * np.arange(directions)
     along = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
     across = np.stack((-np.sin(angles), np.cos(angles)), axis=-1)
     side, out = matmul(points, across.T), matmul(points, along.T)  # (S, 2, D)

@@ -30,7 +30,7 @@ from artiskill.tasks.free_object import (
     robot_mask,
     surface_samples,
 )
-from artiskill.tasks.grasp_candidates import graspable_columns
+from artiskill.tasks.grasp_candidates import seat_of
 from artiskill.tasks.initial_state import check_ranges, polar, robot_qpos, upright_pose
 from artiskill.tasks.staged_reward import Ramp, Stage, StageTable
 from artiskill.tasks.task import Task, TaskConfig
@@ -152,25 +152,33 @@ class PushChairConfig(TaskConfig):
 class ChairGoal(SurfaceGoal):
     """What B episodes ask for: the target lies at the origin; what differs is the chair's surface.
 
-    Controllers read what is said here of its columns; rewards and success do not.
+    Controllers read what is said here of its seat, as `Seat` has it; rewards and success do not.
 
     Attributes:
-        grasp_points: (B, G, 3) where hands can close around the chair's columns, in the root's frame; zero padded.
-        grasp_ends: (B, G, 2, 3) the lowest and the highest such point of each column.
-        grasp_count: (B,) how many columns there are.
+        seat_link: (B,) index of the link that the seat belongs to.
+        seat_position: (B, 3) of a place in it, in that link's frame.
+        seat_rotation: (B, 3, 3) of its axes there.
+        seat_outline: (B, 2, D) how far the chair reaches out from there: where fingertips meet it, and a hand.
     """
 
-    grasp_points: Array
-    grasp_ends: Array
-    grasp_count: Array
+    seat_link: Array
+    seat_position: Array
+    seat_rotation: Array
+    seat_outline: Array
 
 
 def make_chair_goal(obj: ArticulatedObject, target: str) -> ChairGoal:
     """Return the goal of pushing a chair, with B = 1; `target` is its root."""
     points, link = surface_samples(obj)
-    found = graspable_columns(obj)
+    seat = seat_of(obj)
     return ChairGoal(
-        np.array([0]), points[None], link[None], found.points[None], found.ends[None], np.array([found.count])
+        np.array([0]),
+        points[None],
+        link[None],
+        np.array([seat.link]),
+        seat.position[None],
+        seat.rotation[None],
+        seat.outline[None],
     )
 
 

@@ -1,0 +1,415 @@
+"""Two hands that press an object from opposite sides, and move it between them.
+
+Without memory: what they do follows from where everything is now, and changes smoothly with it. Hands that are
+not yet in line with their places keep a gap to the object, which shrinks as they come into line; the force grows
+as the gap closes; once they hold it they go with the object. So what slips out is taken again, from any state.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from artiskill.config import check_inside, check_not_negative, check_positive, check_vector
+from artiskill.experts.command import Command, CommandController, Grip, in_base_axes, in_hand_axes
+from artiskill.experts.frames import limited, ramp, rotation_error
+from artiskill.experts.whole_body import WholeBodyConfig, WholeBodyController
+from artiskill.robots.config import RobotConfig
+from artiskill.sim.snapshot import Snapshot
+
+_ARMS = 2
+_UP = np.array((0.0, 0.0, 1.0))
+_SIDES = np.array((-1.0, 1.0))  # the first arm is the right one; the hands' axis points from right to left
+_MOST_PITCH_RAD = 0.5  # hands turn so far from level for the object's sake
+_CACHED_WALLS = 256
+_DIRECTIONS = 72  # of presses, every five degrees
+_HALF_HAND_M = 0.035  # half the width of a hand whose fingers are one above the other
+_HAND_TO_TIP_M = 0.045  # how far fingertips are ahead of their hand
+
+# Where a measure counts for nothing, and where in full (`ramp`)
+_HELD_GAP_M = (0.05, 0.025)  # fingertips to the wall: the press stays where the hands are
+_HELD_ASIDE_M = (0.06, 0.045)  # likewise, hands to their line
+_INSIDE_GAP_M = (-0.08, -0.05)  # likewise: nearer, and the hand is not outside the wall
+_TOUCH_GAP_M = (0.026, 0.014)  # hands press
+_TOUCH_ASIDE_M = (0.07, 0.05)  # likewise
+_STILL_M_S = (0.06, 0.02)  # hands that close in: they hold it
+_FLAT_M = (0.012, 0.005)  # distances from the wall of a hand's fingertips: likewise, they differ no more
+_OFF_ASIDE_M = (0.015, 0.05)  # hands keep their gap to the wall
+_OFF_RAD = (0.15, 0.45)  # likewise, by their orientation
+_FAR_ASIDE_M = (0.08, 0.2)  # hands move out first, then to their line
+_WAIT_M = (0.04, 0.015)  # by so much nearer than the other hand, a hand waits
+_NEAR_GAP_M = (0.045, 0.02)  # the last bit to the wall
+
+
+@dataclass(frozen=True)
+class PressingConfig:
+    """Distances, speeds and gains of the hands."""
+
+    standoff_m: float  # fingertips that are not in line stay this far from the wall
+    around_m: float  # hands that are far aside stay so much further away
+    hold_distance_m: float  # from the robot's base to the object
+    position_gain_s: float  # hand velocity per position error
+    rotation_gain_s: float  # hand angular velocity per orientation error
+    posture_gain_s: float  # joint velocity per posture error
+    base_speed_m_s: float  # of the base, at most, beside the object's
+    approach_speed_m_s: float  # of the hands, on their way to the object
+    close_speed_m_s: float  # of the hands, from the standoff to the wall
+    touch_speed_m_s: float  # of the hands, the last bit to the wall
+    press_n: float  # force of each hand once both touch
+    lead_m_s: float  # by how much the hands' velocity differs from the object's at most
+    turn_speed_rad_s: float  # of the hands
+    roll_rad: float  # 0: the fingers of a hand are beside each other; pi / 2: one above the other
+    # of the gain, about the vertical, while they touch, so that they lie flat: contacts turn them as well. 0: they
+    # keep pointing at each other
+    yaw_share: float
+    level_share: float  # how far hands turn about their axis with what they hold, so that it becomes level again
+    pad_to_tip_m: float  # how far the fingertips are ahead of the tool's centre
+    spread_m: float  # the open fingertips touch the wall up to this far beside the hand's axis
+    finger_position_m: float  # of each finger, open, for two places of contact per hand
+    arm_qpos_rad: tuple[float, ...]  # preferred posture of the right arm; the left one's is its mirror image
+    lift_below_hand_m: float  # preferred height of the hands above the lift's position
+    whole_body: WholeBodyConfig  # weights of the inverse kinematics
+
+    def __post_init__(self) -> None:
+        check_positive(self, "standoff_m", "hold_distance_m", "base_speed_m_s", "lead_m_s", "press_n", "spread_m")
+        check_positive(self, "position_gain_s", "rotation_gain_s", "posture_gain_s", "turn_speed_rad_s")
+        check_positive(self, "approach_speed_m_s", "close_speed_m_s", "touch_speed_m_s")
+        check_not_negative(self, "around_m", "finger_position_m", "lift_below_hand_m", "yaw_share", "pad_to_tip_m")
+        check_inside("level_share", self.level_share, (0, 1))
+        check_inside("roll_rad", self.roll_rad, (-math.pi, math.pi))
+        check_vector(self, "arm_qpos_rad", size=7)
+
+
+@dataclass(frozen=True, eq=False)
+class Press:
+    """Two opposite places on an object's wall, in its frame.
+
+    Attributes:
+        height_m: of both.
+        direction_rad: from the z axis to the left hand's place; the right hand's is opposite.
+        reach_m: (2,) distance of the places of right and left hand from the axis.
+        outline_m: (D,) how far the object reaches out at this height, in directions evenly around from +x on.
+    """
+
+    height_m: float
+    direction_rad: float
+    reach_m: np.ndarray
+    outline_m: np.ndarray
+
+    def clearance_m(self, points: np.ndarray) -> np.ndarray:
+        """Return how far points (N, 3) in the object's frame are outside it, seen from its axis, (N,)."""
+        step = 2 * np.pi / len(self.outline_m)
+        angles = np.arctan2(points[:, 1], points[:, 0]) % (2 * np.pi)
+        rim = np.interp(
+            angles, step * np.arange(len(self.outline_m) + 1), np.append(self.outline_m, self.outline_m[0])
+        )
+        clearance: np.ndarray = np.hypot(points[:, 0], points[:, 1]) - rim
+        return clearance
+
+
+@dataclass(frozen=True, eq=False)
+class Wall:
+    """What can be pressed of an object; Z heights, D directions of its outlines, K directions of presses.
+
+    Attributes:
+        heights_m: (Z,) rising, in the object's frame.
+        outline_m: (Z, D) how far it reaches out there from the z axis, in directions evenly around from +x on.
+        hand_outline_m: (Z, D) the same of all that a hand would meet, which is larger than its fingertips.
+        spread_m: half the width of the fingertips.
+        directions_rad: (K,) of the left hand's place.
+        reach_m: (Z, K) how far from the axis fingertips are that touch the wall, or whose hand does.
+        blocked_m: (Z, K) how far fingertips are from the wall then.
+    """
+
+    heights_m: np.ndarray
+    outline_m: np.ndarray
+    hand_outline_m: np.ndarray
+    spread_m: float
+    directions_rad: np.ndarray
+    reach_m: np.ndarray
+    blocked_m: np.ndarray
+
+    def place(self, level: int, direction: int) -> Press:
+        """Return the places at one of the heights and directions."""
+        opposite = (direction + len(self.directions_rad) // 2) % len(self.directions_rad)
+        reach = self.reach_m[level, [opposite, direction]]
+        return Press(
+            float(self.heights_m[level]), float(self.directions_rad[direction]), reach, self.outline_m[level]
+        )
+
+    def between(self, height_m: float, direction_rad: float) -> Press:
+        """Return the places at any height and direction; beyond the heights, those of the nearest one."""
+        height_m = min(max(height_m, float(self.heights_m[0])), float(self.heights_m[-1]))
+        at = float(np.interp(height_m, self.heights_m, np.arange(len(self.heights_m))))
+        low = min(int(at), len(self.heights_m) - 2)
+        outline, hand = (
+            (1 - at + low) * one[low] + (at - low) * one[low + 1] for one in (self.outline_m, self.hand_outline_m)
+        )
+        turned = np.array((direction_rad + np.pi, direction_rad))
+        tips, hands = _reach(outline[None], hand[None], turned, self.spread_m)
+        return Press(height_m, direction_rad, np.maximum(tips, hands)[0], outline)
+
+
+def wall_of(
+    heights_m: np.ndarray, outline_m: np.ndarray, spread_m: float, hand_outline_m: np.ndarray | None = None
+) -> Wall:
+    """Return the wall with outlines (Z, D) at heights (Z,); walls are kept, for this takes a while."""
+    hand = np.zeros_like(outline_m) if hand_outline_m is None else hand_outline_m
+    return _wall(heights_m.tobytes(), outline_m.tobytes(), hand.tobytes(), spread_m)
+
+
+@lru_cache(maxsize=_CACHED_WALLS)
+def _wall(heights: bytes, outline: bytes, hand_outline: bytes, spread_m: float) -> Wall:
+    levels = np.frombuffer(heights)
+    found = np.frombuffer(outline).reshape(len(levels), -1)
+    hand = np.frombuffer(hand_outline).reshape(found.shape)
+    # rays that pass between two staves reach as far as their neighbours
+    found = np.where(found > 0, found, np.maximum(np.roll(found, 1, axis=1), np.roll(found, -1, axis=1)))
+    directions = 2 * np.pi / _DIRECTIONS * np.arange(_DIRECTIONS)
+    tips, hands = _reach(found, hand, directions, spread_m)
+    reach = np.maximum(tips, hands)
+    return Wall(levels, found, hand, spread_m, directions, reach, reach - tips)
+
+
+def _reach(
+    outline: np.ndarray, hand_outline: np.ndarray, directions_rad: np.ndarray, spread_m: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far from the axis fingertips are, (Z, K), that touch outlines (Z, D), and whose hand does."""
+    tips = _support(outline, directions_rad, spread_m)
+    return tips, _support(hand_outline, directions_rad, _HALF_HAND_M) - _HAND_TO_TIP_M
+
+
+def _support(outline: np.ndarray, directions_rad: np.ndarray, spread_m: float) -> np.ndarray:
+    """Return how far from the axis a plate, twice `spread_m` wide, is that touches outlines (Z, D), (Z, K)."""
+    rays = 2 * np.pi / outline.shape[1] * np.arange(outline.shape[1])
+    turn = rays[None, :] - directions_rad[:, None]  # (K, D): of each ray against each direction
+    along, across = outline[:, None] * np.cos(turn), outline[:, None] * np.sin(turn)  # (Z, K, D)
+    touched = (np.abs(across) <= spread_m) & (along > 0)
+    found: np.ndarray = np.where(touched, along, 0.0).max(axis=-1)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """What is pressed, at this instant.
+
+    Attributes:
+        position: (3,) of its frame, in the world.
+        rotation: (3, 3) likewise.
+        velocity: (3,) m/s.
+        wall: what can be pressed of it.
+        held: whether it is held already, 0 to 1, if the hands touch.
+    """
+
+    position: np.ndarray
+    rotation: np.ndarray
+    velocity: np.ndarray
+    wall: Wall
+    held: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """The hands and their places at this instant, in the world; shares are from 0 to 1.
+
+    Attributes:
+        press: the places.
+        axis: (3,) level unit vector from the right hand's place to the left one's.
+        heading: (3,) where a robot faces whose left side the axis points to.
+        middle: (3,) the point of the object's axis between the places.
+        gaps: (2,) the fingertips' distances from the wall, m.
+        aside: (2,) the hands' distances from their line, m.
+        errors: (2, 3) rotation vectors that turn the hands so that they point at their places.
+        settled: share to which the places are those where the hands are.
+        off: to which the hands are out of line and keep their gap.
+        touch: to which they press.
+        carry: to which they hold the object and move with it.
+    """
+
+    press: Press
+    axis: np.ndarray
+    heading: np.ndarray
+    middle: np.ndarray
+    gaps: np.ndarray
+    aside: np.ndarray
+    errors: np.ndarray
+    settled: float = 0.0
+    off: float = 1.0
+    touch: float = 0.0
+    carry: float = 0.0
+
+
+class PressingHands:
+    """The two hands of a robot that press.
+
+    Args:
+        robot: who acts, with two arms.
+        config: values.
+    """
+
+    def __init__(self, robot: RobotConfig, config: PressingConfig) -> None:
+        self.config = config
+        right = np.array(config.arm_qpos_rad)
+        self.controller = CommandController(
+            WholeBodyController(robot, config.whole_body, _ARMS),
+            np.concatenate((right, _mirrored(right))),
+            close_speed_m_s=config.close_speed_m_s,
+        )
+
+    def view(self, snapshot: Snapshot, body: Body, best: Callable[[], Press]) -> View:
+        """Return how far the work has come; `best` chooses the places, unless the hands are at some already."""
+        present = self._place(snapshot, body, _present_press(snapshot, body))
+        settled = ramp(present.gaps.max(), *_HELD_GAP_M) * ramp(present.aside.max(), *_HELD_ASIDE_M)
+        settled *= ramp(present.gaps.min(), *_INSIDE_GAP_M)
+        if settled == 1.0:
+            return self._shares(snapshot, body, present, settled)
+        press = best()
+        if settled > 0.0:
+            turn = math.remainder(present.press.direction_rad - press.direction_rad, math.tau)
+            height = press.height_m + settled * (present.press.height_m - press.height_m)
+            press = body.wall.between(height, press.direction_rad + settled * turn)
+        return self._shares(snapshot, body, self._place(snapshot, body, press), settled)
+
+    def command(self, snapshot: Snapshot, view: View, body: Body, velocity: np.ndarray, phase: int) -> Command:
+        """Return what to do.
+
+        Args:
+            snapshot: of one environment.
+            view: of it.
+            body: what is pressed.
+            velocity: (3,) that the object shall have once it is held, m/s; it follows in steps of `lead_m_s`.
+            phase: for the command.
+        """
+        config = self.config
+        velocity = body.velocity + limited(velocity - body.velocity, config.lead_m_s)
+        linear = (1 - view.carry) * self._reach(snapshot, view) + view.carry * self._follow(
+            snapshot, view, velocity
+        )
+        twists = np.concatenate((linear, self._turn(snapshot, view, body)), axis=1)
+        return Command(
+            phase=phase,
+            twists=in_hand_axes(snapshot, twists),
+            trunk_qvel=in_base_axes(snapshot, self._trunk(snapshot, view, velocity)),
+            arm_gain_s=(1 - view.touch) * config.posture_gain_s,  # arms that strive for it would press less
+            grip=np.full(_ARMS, Grip.OPEN),
+            width_m=np.full(_ARMS, config.finger_position_m),
+            press_n=view.touch * config.press_n,
+        )
+
+    def _place(self, snapshot: Snapshot, body: Body, press: Press) -> View:
+        """Return where hands and places are."""
+        axis = body.rotation @ np.array((math.cos(press.direction_rad), math.sin(press.direction_rad), 0.0))
+        axis[2] = 0.0
+        axis /= max(float(np.linalg.norm(axis)), 1e-6)
+        heading = np.array((axis[1], -axis[0], 0.0))
+        middle = body.position + press.height_m * body.rotation[:, 2]
+        from_middle = snapshot.tool_position_w[0] - middle
+        out = _SIDES * (from_middle @ axis)
+        aside = np.sqrt(np.maximum((from_middle**2).sum(axis=-1) - out**2, 0.0))
+        errors, roll = [], self.config.roll_rad
+        for arm, side in enumerate(_SIDES):
+            forward, across = -side * axis, side * (math.cos(roll) * heading + math.sin(roll) * _UP)
+            wanted = np.stack((np.cross(across, forward), across, forward), axis=-1)
+            errors.append(rotation_error(snapshot.tool_rotation_w[0, arm], wanted))
+        gaps = out - press.reach_m - self.config.pad_to_tip_m
+        return View(press, axis, heading, middle, gaps, aside, np.array(errors))
+
+    def _shares(self, snapshot: Snapshot, body: Body, view: View, settled: float) -> View:
+        """Return the view with its shares."""
+        tips = snapshot.fingertip_velocity_w[0].reshape(_ARMS, 2, 3).mean(axis=1)
+        closing = np.abs((tips - body.velocity) @ view.axis).max()
+        touch = settled * ramp(view.gaps.max(), *_TOUCH_GAP_M) * ramp(view.aside.max(), *_TOUCH_ASIDE_M)
+        firm = ramp(closing, *_STILL_M_S) * ramp(self._uneven(snapshot, body, view.press), *_FLAT_M)
+        carry = touch * max(firm, body.held)
+        turned = max(float(np.linalg.norm(error)) for error in view.errors)
+        off = (1 - settled) * max(ramp(view.aside.max(), *_OFF_ASIDE_M), ramp(turned, *_OFF_RAD))
+        return replace(view, settled=settled, off=off, touch=touch, carry=carry)
+
+    def _uneven(self, snapshot: Snapshot, body: Body, press: Press) -> float:
+        """Return by how much the distances of a hand's fingertips from the wall differ, m; 0 if they may."""
+        if self.config.yaw_share == 0:
+            return 0.0
+        tips = press.clearance_m((snapshot.fingertip_position_w[0] - body.position) @ body.rotation)
+        return float(np.abs(tips[::2] - tips[1::2]).max())
+
+    def _reach(self, snapshot: Snapshot, view: View) -> np.ndarray:
+        """Return velocities (2, 3): to the hands' line, and along it to the wall as far as they are in line."""
+        config, most = self.config, self.config.approach_speed_m_s
+        found = []
+        for arm in range(_ARMS):
+            gap, outwards = view.gaps[arm], _SIDES[arm] * view.axis
+            from_middle = snapshot.tool_position_w[0, arm] - view.middle
+            to_line = (from_middle @ outwards) * outwards - from_middle
+            far = ramp(view.aside[arm], *_FAR_ASIDE_M)
+            beside = 1 - far * (1 - ramp(gap, config.around_m - 0.07, config.around_m - 0.02))
+            lateral = beside * limited(config.position_gain_s * to_line, most)
+            near = ramp(gap, *_NEAR_GAP_M)
+            inwards = near * config.touch_speed_m_s + (1 - near) * config.close_speed_m_s
+            inwards *= ramp(gap - view.gaps[1 - arm], -_WAIT_M[0], -_WAIT_M[1]) * (1 - view.touch)
+            kept = view.off * config.standoff_m + far * config.around_m
+            along = min(max(config.position_gain_s * (kept - gap), -most), most)
+            along = max(along, -0.9 * view.off - inwards) if view.off > 0 else -inwards
+            found.append(limited(lateral + along * outwards, most))
+        return np.array(found)
+
+    def _follow(self, snapshot: Snapshot, view: View, velocity: np.ndarray) -> np.ndarray:
+        """Return velocities (2, 3): with the object, on one level line, at a height where it can be pressed."""
+        line = snapshot.tool_position_w[0].mean(axis=0)
+        line[2] = view.middle[2]
+        off = line - snapshot.tool_position_w[0]
+        off = off - (off @ view.axis)[:, None] * view.axis
+        followed: np.ndarray = velocity + self.config.position_gain_s * off
+        return followed
+
+    def _turn(self, snapshot: Snapshot, view: View, body: Body) -> np.ndarray:
+        """Return angular velocities (2, 3): hands that touch lie flat on the wall, and may level the object."""
+        config, found = self.config, []
+        tilt = float(np.cross(body.rotation[:, 2], _UP) @ view.axis)
+        for arm in range(_ARMS):
+            error = view.errors[arm].copy()
+            if view.settled > 0 and config.yaw_share > 0:
+                flat = config.yaw_share * _yaw_to_wall(snapshot, body, view.press, arm)
+                error[2] += view.settled * (flat - error[2])
+            pitch = -float(error @ view.axis)  # of the hand
+            wanted = min(max(config.level_share * (pitch + tilt), -_MOST_PITCH_RAD), _MOST_PITCH_RAD)
+            error += view.carry * wanted * view.axis
+            found.append(limited(config.rotation_gain_s * error, config.turn_speed_rad_s))
+        return np.array(found)
+
+    def _trunk(self, snapshot: Snapshot, view: View, velocity: np.ndarray) -> np.ndarray:
+        """Return velocities (4,) towards base pose and lift from which the hands reach the object with ease."""
+        config, qpos = self.config, snapshot.robot_qpos[0, :4]
+        hands = snapshot.tool_position_w[0].mean(axis=0)
+        middle = view.middle + view.carry * (hands - view.middle)
+        base = middle[:2] - config.hold_distance_m * view.heading[:2] - qpos[:2]
+        yaw = math.remainder(math.atan2(view.heading[1], view.heading[0]) - qpos[2], math.tau)
+        lift = max(0.0, middle[2] - config.lift_below_hand_m) - qpos[3]
+        trunk = config.posture_gain_s * np.array((*base, yaw, lift))
+        trunk[:2] = limited(trunk[:2], config.base_speed_m_s) + view.carry * velocity[:2]
+        trunk[3] = (1 - view.touch) * trunk[3] + view.carry * velocity[2]
+        return trunk
+
+
+def _mirrored(qpos: np.ndarray) -> np.ndarray:
+    """Return the left arm's joints that mirror the right arm's: odd joints and the mount turn the other way."""
+    signs = np.array((-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0))
+    mirrored: np.ndarray = signs * qpos
+    mirrored[-1] += np.pi / 2
+    return mirrored
+
+
+def _present_press(snapshot: Snapshot, body: Body) -> Press:
+    """Return the places that the hands are opposite to now."""
+    local = (snapshot.tool_position_w[0] - body.position) @ body.rotation
+    way = local[1] - local[0]
+    return body.wall.between(float(local[:, 2].mean()), math.atan2(way[1], way[0]))
+
+
+def _yaw_to_wall(snapshot: Snapshot, body: Body, press: Press, arm: int) -> float:
+    """Angle about the vertical that makes both fingertips of a hand equally far from the wall."""
+    tips = snapshot.fingertip_position_w[0, 2 * arm : 2 * arm + 2]
+    first, second = press.clearance_m((tips - body.position) @ body.rotation)
+    apart = float(np.cross(_UP, tips[0] - tips[1]) @ snapshot.tool_rotation_w[0, arm, :, 2])
+    return float(first - second) / apart if abs(apart) > 1e-3 else 0.0
