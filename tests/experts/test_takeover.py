@@ -8,7 +8,7 @@ import pytest
 
 from artiskill.assets.catalog import list_objects
 
-TASKS = ("OpenCabinetDrawer", "OpenCabinetDoor")
+TASKS = ("OpenCabinetDrawer", "OpenCabinetDoor", "PushChair", "MoveBucket")
 LEAST = 0.95
 
 
