@@ -333,3 +333,34 @@ def test_a_run_acts_and_its_file_acts_alike_without_torch(whole: Path, tmp_path:
 def test_a_run_is_evaluated(whole: Path) -> None:
     report = evaluate(TASK, str(whole), ["cabinet-0007"], episodes=1, config={"episode_steps": 5})
     assert report.rows[0].stats.episodes == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("dagger", "--data", "x"), "--data is of demonstrations"),
+        (("bc",), "--data is needed"),
+        (("bc", "--data", "x", "--samples", "9"), "--samples is for dagger, not for bc"),
+    ],
+)
+def test_options_of_the_other_kind(
+    arguments: tuple[str, ...], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from artiskill.cli.main import main
+
+    assert main(["train", *arguments, "--task", TASK, "--out", str(tmp_path / "run")]) == 2
+    assert says in capsys.readouterr().err
+
+
+def test_samples_set_rounds_and_steps() -> None:
+    from argparse import Namespace
+
+    from artiskill.cli.train import _rollout_overrides
+
+    given = Namespace(algorithm="dagger", task=TASK, points=64, objects=["train"], samples=20_000, set=[])
+    assert _rollout_overrides(given) == {
+        "algorithm.points": 64,
+        "algorithm.objects": ["train"],
+        "algorithm.rounds": 5,  # of 4,800 each
+        "steps": 7 * 24_000 // 128,
+    }
