@@ -38,7 +38,7 @@ def test_a_report_is_verified(reports: dict[str, Path], capsys: Capture) -> None
     assert main([*command, "--policy", "random", "--sample", "1"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "4 episodes, 16 steps played again: bit for bit as reported"
-    assert lines[1] == "1 episodes played again by random: bit for bit as reported"
+    assert lines[1] == "2 episodes played again by random: bit for bit as reported"
     assert main([*command, "--policy", "still"]) == 1
     assert "the policy acts otherwise from step 0 on" in capsys.readouterr().out
 

@@ -167,7 +167,7 @@ def test_an_earlier_report_is_not_taken_for_that_of_a_run_that_failed(tmp_path: 
         assert main(["evaluate", "--policy", str(solution), *SMALL, "--out", str(out)]) == 2
         shown = capsys.readouterr()
         assert shown.out == ""
-        assert "a worker process died (exit status 0)" in shown.err
+        assert "its process ended (exit status 0)" in shown.err
         assert f"note: {out}/report.json is from an earlier evaluation\n" in shown.err
         assert (out / "report.json").read_bytes() == before
 

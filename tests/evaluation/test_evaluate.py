@@ -176,9 +176,9 @@ def test_an_error_is_of_the_same_kind_for_any_number_of_workers(num_workers: int
         evaluate(TASK, "random", objects, 1, config=SHORT | {"max_object_joints": 1}, workers=num_workers)
 
 
-def test_a_policy_that_ends_its_worker_is_named_with_its_object(solution: Callable[[str], Path]) -> None:
+def test_a_policy_that_ends_its_process_is_named_with_its_object(solution: Callable[[str], Path]) -> None:
     path = solution("import os\ndef policy(o):\n    os._exit(3)\n")
-    says = rf"^{path}, object cabinet-0010: a worker process died \(exit status 3\)"
+    says = rf"^{path}: its process ended \(exit status 3\): .* \(object cabinet-0010, level 0, step 0\)(\n|$)"
     with pytest.raises(PolicyError, match=says):
         evaluate(TASK, path, OBJECTS[1], 1, step_timeout_s=60)
 
@@ -187,9 +187,9 @@ def test_a_time_limit_for_each_action(solution: Callable[[str], Path], monkeypat
     monkeypatch.setattr(worker, "_GRACE_S", 0.2)
     path = solution(
         "import time\nclass Policy:\n    obs_mode = 'state'\n"
-        "    def reset(self, observation, info):\n        self.level, self.step = info['level'], 0\n"
+        "    def reset(self, observation, info):\n        self.episode, self.step = info['episode'], 0\n"
         "    def act(self, observation):\n"
-        "        while (self.level, self.step) == (3, 2):\n            pass\n"
+        "        while (self.episode, self.step) == (1, 2):\n            pass\n"
         "        self.step += 1\n        return [0.0] * 13\n"
     )
     says = rf"^{path}: no action within 0.5 s \(object cabinet-0005, level 3, step 2\)$"

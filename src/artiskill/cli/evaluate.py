@@ -36,7 +36,7 @@ docs/evaluation.md describes solution files and reports."""
 
 _VERIFY_EPILOG = """examples:
   artiskill report verify results/mine
-  artiskill report verify results/mine --policy my/solution.py --sample 20
+  artiskill report verify results/mine --policy my/solution.py --sample 2
 
 The exit status is 1 if anything is not as the report says. docs/evaluation.md says what this proves."""
 _COMPARE_EPILOG = """example:
@@ -68,8 +68,8 @@ def add_commands(commands: Any) -> None:
     subcommands = add_group(commands, "report", "verify a report by playing its actions again, or compare two")
     parser = add_command(subcommands, "verify", _run_verify, "play a report's actions again", _VERIFY_EPILOG)
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="of the report")
-    parser.add_argument("--policy", help="also have the policy play some episodes again, and compare its actions")
-    parser.add_argument("--sample", type=int, default=10, help="how many episodes (default: %(default)s)")
+    parser.add_argument("--policy", help="also have the policy play some objects again, and compare its actions")
+    parser.add_argument("--sample", type=int, default=1, help="how many objects (default: %(default)s)")
     objects = "names or folders of objects that their ids in the report do not lead to"
     parser.add_argument("--objects", nargs="+", default=[], help=objects)
     add_stored_task(parser)

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
@@ -250,11 +251,11 @@ def final_digest(state: EnvState) -> str:
 
 def _run_batch(job: BatchJob, send: Send) -> list[EpisodeResult]:
     """Play a batch in a new environment with a new policy, so that no object's episodes depend on another's."""
-    env, actor = job.batch.make_env(), job.load_policy(send)
-    results = []
-    for level in job.batch.levels:
-        results.append(run_episode(env, actor, level))
-        send(results[-1])
+    env, results = job.batch.make_env(), []
+    with closing(job.load_policy(send)) as actor:
+        for level in job.batch.levels:
+            results.append(run_episode(env, actor, level))
+            send(results[-1])
     return results
 
 

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -246,7 +247,8 @@ def inspect_policy(policy: Any, load_timeout_s: float = LOAD_TIMEOUT_S) -> Polic
 
 def _inspect(path: str, send: Send, limit_s: float) -> str:
     """Return what a solution file declares as plain text, which any process can read."""
-    return json.dumps(to_mapping(_spec_of(load_within(path, limit_s, send))))
+    with closing(load_within(path, limit_s, send)) as actor:
+        return json.dumps(to_mapping(_spec_of(actor)))
 
 
 def _spec_of(actor: Actor) -> PolicySpec:

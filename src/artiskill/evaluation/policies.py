@@ -14,7 +14,7 @@ from artiskill.demos.demonstrator import Demonstrator
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ConfigError, PolicyError, RunError, UnknownNameError, shown
-from artiskill.evaluation.solution import Solution, read_solution
+from artiskill.evaluation.solution import FileSolution, ObjectSolution, Solution
 from artiskill.experts.registry import Expert, make_expert
 from artiskill.files import is_folder
 from artiskill.jobs.worker import NO_DEADLINE, Deadline, Send
@@ -49,6 +49,9 @@ class Actor(Protocol):
 
     def act(self, env: ManipulationEnv, observation: Any) -> Any:
         """Return the next action, (A,) in [-1, 1]."""
+
+    def close(self) -> None:
+        """End what belongs to it: a solution's process, say."""
 
 
 class ExpertActor(Actor):
@@ -149,6 +152,10 @@ class SolutionActor(Actor):
         """
         return self._solution.act(observation, env.action_space.shape or ())
 
+    def close(self) -> None:
+        """End the solution's process, if it has one."""
+        self._solution.close()
+
 
 class TimedActor(Actor):
     """An actor that sends a deadline for each action; the parent process ends this one if it is missed.
@@ -181,6 +188,10 @@ class TimedActor(Actor):
         self._send(NO_DEADLINE)
         return action
 
+    def close(self) -> None:
+        """End what belongs to the actor."""
+        self._actor.close()
+
     def _begin(self, what: str, where: str) -> None:
         self._send(Deadline(f"{self.name}: {what} within {self._limit_s:g} s ({where})", self._limit_s))
 
@@ -211,12 +222,12 @@ def load_policy(policy: Any) -> Actor:
     """
     path = solution_path(policy)
     if path is not None:
-        return SolutionActor(read_solution(path))
+        return SolutionActor(FileSolution(path))
     if is_run(policy):
         path = Path(policy)
         learned = ArrayPolicy(path) if path.suffix == ARRAYS else load_run(path)
-        return SolutionActor(Solution.of_object(learned, str(policy)))
-    return _ACTORS[str(policy)]() if isinstance(policy, str | Path) else SolutionActor(Solution.of_object(policy))
+        return SolutionActor(ObjectSolution(learned, str(policy)))
+    return _ACTORS[str(policy)]() if isinstance(policy, str | Path) else SolutionActor(ObjectSolution(policy))
 
 
 def solution_path(policy: Any) -> Path | None:

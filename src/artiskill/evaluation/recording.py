@@ -6,6 +6,7 @@ best, judged by small pictures; from there it follows smoothly, without turning.
 
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -113,7 +114,8 @@ def check_video(path: Path | str, count: int = 1) -> None:
 
 def _record(job: BatchJob, send: Send) -> list[np.ndarray]:
     recorder = EpisodeRecorder(PictureStyle())
-    run_episode(job.batch.make_env(), job.load_policy(send), job.batch.levels[0], recorder.record)
+    with closing(job.load_policy(send)) as actor:
+        run_episode(job.batch.make_env(), actor, job.batch.levels[0], recorder.record)
     return recorder.draw(send)
 
 

@@ -1,17 +1,20 @@
-"""Solution files: a participant's Python file becomes a policy whose every fault is one clear `PolicyError`.
+"""Solutions: a participant's policy that sees observations, and whose every fault is one clear `PolicyError`.
 
 A fault of a solution must look like one: the message names the file, the line, what was raised or returned, the
-object, the level and the step, and never shows the benchmark's own frames.
+object, the level and the step, and never shows the benchmark's own frames. A solution file runs in a process of
+its own, see `solution_process`, and what comes from there is checked as what a stranger sends.
 """
 
-import inspect
-import random
+import json
+import os
+import select
 import signal
+import socket
+import subprocess
 import sys
-import traceback
-from collections.abc import Callable, Mapping
+import weakref
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -21,86 +24,59 @@ from artiskill.envs.control import CONTROL_MODES, JOINT
 from artiskill.envs.options import OBSERVATION_MODES
 from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ArtiSkillError, PolicyError, UnknownNameError, shown
-from artiskill.files import read_bytes
+from artiskill.evaluation import solution_process as wire
+from artiskill.evaluation.solution_process import SolutionCode, SolutionError
+from artiskill.files import open_regular, parse_json
 
-LEGAL_FORMS = (
-    "a solution has either a function policy(observation) -> action "
-    "or a class Policy with obs_mode, reset(observation, info) and act(observation)"
-)
-_MODULE = "artiskill_solution"
-_MEMBERS = ("obs_mode", "reset", "act")
 _SEEN = ("cameras", "render")  # sections of a task's configuration that change what is seen, nothing else
+_DECLARED = ("obs_mode", "control_mode", "sampling", "observation_config")
+_MOST_SAID, _MOST_TEXT = 100_000, 500  # bytes of a frame that is not an action; characters of what it complains of
+_ENDING_S = 1.0  # for a process whose socket is closed
+_MOST_LINES = 10_000_000
+_BROKEN = "its process does not keep to the protocol"
+_PROGRAM = Path(wire.__file__)
 
 
 class Solution:
-    """A function or `Policy` object, called with care.
+    """A policy that sees observations, called with care; `ObjectSolution` and `FileSolution` are complete.
 
     Args:
         name: of the file, for messages and reports.
-        reset: (observation, info) -> anything; None if there is nothing to reset.
-        act: (observation) -> action.
+        declared: what its object says of itself, of `_DECLARED`; None for a function.
+
+    Attributes:
         obs_mode: the observation mode that it needs; None if any will do.
-        act_name: how the author calls `act`.
         control_mode: the control mode that its actions are of; None if they may be of any.
         sampling: of the clouds that it sees; None for the full ones.
         observation_config: values of the task's `cameras` and `render` that it needs; None for the task's.
+
+    Raises:
+        PolicyError: its `obs_mode` or `control_mode` is unknown, or what it asks of observations illegal.
     """
 
-    def __init__(
-        self,
-        name: str,
-        reset: Callable[[Any, dict[str, Any]], Any] | None,
-        act: Callable[[Any], Any],
-        obs_mode: str | None,
-        act_name: str,
-        control_mode: str | None = None,
-        sampling: Sampling | None = None,
-        observation_config: Mapping[str, Any] | None = None,
-    ) -> None:
-        self.name, self.obs_mode, self.control_mode, self.sampling = name, obs_mode, control_mode, sampling
-        self.observation_config = observation_config
-        self._reset, self._act, self._act_name = reset, act, act_name
+    def __init__(self, name: str, declared: Mapping[str, Any] | None) -> None:
+        self.name = name
+        said = dict.fromkeys(_DECLARED) if declared is None else {"control_mode": JOINT, **declared}
+        self.obs_mode, self.control_mode = said["obs_mode"], said["control_mode"]
+        if declared is not None and self.obs_mode not in OBSERVATION_MODES:
+            raise PolicyError(f"{name}: {UnknownNameError('obs_mode', self.obs_mode, OBSERVATION_MODES)}")
+        if self.control_mode not in (None, *CONTROL_MODES):
+            raise PolicyError(f"{name}: {UnknownNameError('control_mode', self.control_mode, CONTROL_MODES)}")
+        self.sampling = _checked_sampling(said.get("sampling"), name, self.obs_mode)
+        self.observation_config = _checked_observation_config(said.get("observation_config"), name)
         self._where, self._step = "", 0
 
-    @classmethod
-    def of_object(cls, policy: Any, name: str | None = None) -> "Solution":
-        """Wrap a function or an object with `obs_mode`, `reset` and `act`, and what else a policy may declare.
-
-        Raises:
-            PolicyError: it is neither, or its `obs_mode` or `control_mode` is unknown, or what it asks of
-                observations illegal.
-        """
-        name = name or str(getattr(policy, "__name__", type(policy).__name__))
-        missing = [member for member in _MEMBERS if not hasattr(policy, member)]
-        if inspect.isclass(policy) or (missing and not (len(missing) == len(_MEMBERS) and callable(policy))):
-            what = "is a class, not an object of it" if inspect.isclass(policy) else f"lacks {', '.join(missing)}"
-            raise PolicyError(f"{name}: the policy {what}; {LEGAL_FORMS}")
-        if missing:
-            return cls(name, None, policy, None, getattr(policy, "__name__", "the policy"))
-        for member in ("reset", "act"):
-            if not callable(getattr(policy, member)):
-                raise PolicyError(f"{name}: {member} cannot be called; {LEGAL_FORMS}")
-        control_mode = getattr(policy, "control_mode", JOINT)
-        if policy.obs_mode not in OBSERVATION_MODES:
-            raise PolicyError(f"{name}: {UnknownNameError('obs_mode', policy.obs_mode, OBSERVATION_MODES)}")
-        if control_mode not in (None, *CONTROL_MODES):
-            raise PolicyError(f"{name}: {UnknownNameError('control_mode', control_mode, CONTROL_MODES)}")
-        sampling = _sampling_of(policy, name)
-        asked = _observation_config_of(policy, name)
-        return cls(name, policy.reset, policy.act, policy.obs_mode, "act", control_mode, sampling, asked)
-
-    def reset(self, observation: Any, info: dict[str, Any]) -> None:
-        """Begin an episode; Python's and NumPy's global generators then start from the level.
+    def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
+        """Begin an episode.
 
         Raises:
             PolicyError: `reset` raises.
         """
         self._where, self._step = f"object {info['object']}, level {info['level']}", 0
-        random.seed(info["level"])
-        np.random.seed(info["level"])  # noqa: NPY002 - for solutions that draw from it
-        if self._reset is not None:
-            reset, shown = self._reset, {key: info[key] for key in ("object", "level", "target")}
-            _guarded(lambda: reset(observation, shown), self.name, "reset() raised", self._where)
+        try:
+            self._begin(observation, info)
+        except SolutionError as fault:
+            raise policy_error(self.name, fault, self._where) from fault.__cause__
 
     def act(self, observation: Any, shape: tuple[int, ...]) -> np.ndarray:
         """Return the next action, of that shape and finite.
@@ -110,133 +86,287 @@ class Solution:
         """
         where = f"{self._where}, step {self._step}"
         self._step += 1
-        action = _guarded(lambda: self._act(observation), self.name, f"{self._act_name}() raised", where)
-        legal = f"an action is {shape[0]} finite numbers in [-1, 1]"
         try:
-            array = np.asarray(action, dtype=np.float64)
-        except Exception as error:  # what a foreign type raises when it is no array cannot be listed
-            given = f"{type(action).__name__}, not an array ({_one_line(error)})"
-            raise PolicyError(f"{self.name}: {self._act_name}() returned {given}; {legal} ({where})") from error
-        if action is None or array.shape != shape or not np.isfinite(array).all():
-            given = _describe(action, array, shape)
-            raise PolicyError(f"{self.name}: {self._act_name}() returned {given}; {legal} ({where})")
-        return array
+            return self._next(observation, shape[0])
+        except SolutionError as fault:
+            raise policy_error(self.name, fault, where) from fault.__cause__
+
+    def close(self) -> None:
+        """End what belongs to it."""
+
+    def _begin(self, observation: Any, info: Mapping[str, Any]) -> None:
+        raise NotImplementedError
+
+    def _next(self, observation: Any, size: int) -> np.ndarray:
+        raise NotImplementedError
 
 
-def read_solution(path: Path) -> Solution:
-    """Run a solution file and take its policy; the file's folder joins `sys.path`, as for any Python script.
+class ObjectSolution(Solution):
+    """A function or an object with `obs_mode`, `reset` and `act`, and what else a policy may declare.
 
-    Each call runs the file again and leaves no compiled file behind.
+    It runs in this process, and is told object, level and target: who passes it has them at hand anyway. Python's
+    and NumPy's global generators start from the level.
+
+    Args:
+        policy: either.
+        name: for messages and reports; by default its own.
+
+    Raises:
+        PolicyError: it is neither, or declares what is not legal.
+    """
+
+    def __init__(self, policy: Any, name: str | None = None) -> None:
+        name = name or str(getattr(policy, "__name__", type(policy).__name__))
+        try:
+            self._code = SolutionCode(policy, name)
+        except SolutionError as fault:
+            raise policy_error(name, fault) from fault.__cause__
+        super().__init__(name, self._code.declared)
+
+    def _begin(self, observation: Any, info: Mapping[str, Any]) -> None:
+        told = {key: info[key] for key in ("object", "level", "target")}
+        self._code.reset(observation, told, info["level"])
+
+    def _next(self, observation: Any, size: int) -> np.ndarray:
+        return self._code.act(observation, size)
+
+
+class FileSolution(Solution):
+    """A solution file, in a process of its own that ends with this object.
+
+    Args:
+        path: of the file.
 
     Raises:
         PolicyError: the file is missing, does not import, has neither or both of the legal forms, or its `Policy`
-            cannot be constructed or lacks something.
+            cannot be constructed, lacks something, or declares what is not legal.
     """
-    name = str(path)
-    module = _import_file(path)
-    function, policy_class = getattr(module, "policy", None), getattr(module, "Policy", None)
-    if function is None and policy_class is None:
-        near = [key for key in vars(module) if key.lower() == "policy"]
-        has = f" (it has {near[0]!r})" if near else ""
-        raise PolicyError(f"{name} has neither 'policy' nor 'Policy'{has}; {LEGAL_FORMS}")
-    if function is not None and policy_class is not None:
-        raise PolicyError(f"{name} has both 'policy' and 'Policy'; keep one of them ({LEGAL_FORMS})")
-    if policy_class is None:
-        if inspect.isclass(function) or not callable(function):
-            raise PolicyError(f"{name}: 'policy' is {type(function).__name__!r}, not a function; {LEGAL_FORMS}")
-        return Solution(name, None, function, None, "policy")
-    if not inspect.isclass(policy_class):
-        kind = type(policy_class).__name__
-        raise PolicyError(f"{name}: 'Policy' is {kind!r}, not a class; {LEGAL_FORMS}")
-    return Solution.of_object(_guarded(policy_class, name, "Policy() raised"), name)
+
+    def __init__(self, path: Path) -> None:
+        name = str(path)
+        try:
+            open_regular(path).close()
+        except FileNotFoundError as error:
+            raise PolicyError(f"solution file {name!r} does not exist") from error
+        except OSError as error:
+            raise PolicyError(f"solution file {shown(name)} cannot be read: {error.strerror}") from error
+        self._process = _Process()
+        self._end = weakref.finalize(self, self._process.end)
+        self._layout: list[Any] = [[], 0]  # of observations, and the size of an action
+        try:
+            said = self._process.ask(
+                wire.START, _json({"file": name, "path": sys.path}), wire.DECLARED, _MOST_SAID
+            )
+            declared = _declaration(said)
+        except SolutionError as fault:
+            raise policy_error(name, fault) from fault.__cause__
+        super().__init__(name, declared)
+
+    def close(self) -> None:
+        """End the process."""
+        self._end()
+
+    def _begin(self, observation: Any, info: Mapping[str, Any]) -> None:
+        arrays = list(_arrays_in(observation))
+        layout = [[keys, array.dtype.str, list(array.shape)] for keys, array in arrays]
+        self._tell(layout, self._layout[1])
+        self._process.ask(wire.RESET, _packed(arrays), wire.DONE, 0)
+
+    def _next(self, observation: Any, size: int) -> np.ndarray:
+        self._tell(self._layout[0], size)
+        wanted = size * np.dtype(np.float64).itemsize
+        said = self._process.ask(wire.ACT, _packed(_arrays_in(observation)), wire.ACTION, wanted)
+        action = np.frombuffer(said, np.float64) if len(said) == wanted else np.array([np.nan])
+        if not np.isfinite(action).all():
+            raise SolutionError(f"{_BROKEN}: an action of {len(said)} bytes, {wanted} of finite numbers are legal")
+        return action
+
+    def _tell(self, layout: list[Any], size: int) -> None:
+        """Say where arrays are in an observation, and how many numbers an action has, if that is news."""
+        if [layout, size] != self._layout:
+            self._layout = [layout, size]
+            self._process.ask(wire.LAYOUT, _json(self._layout), wire.DONE, 0)
 
 
-def _sampling_of(policy: Any, name: str) -> Sampling | None:
+class _Process:
+    """The process of `solution_process`; what it sends is read with care, and never unpickled."""
+
+    def __init__(self) -> None:
+        self._channel, theirs = socket.socketpair()
+        flags = subprocess._args_from_interpreter_flags()  # type: ignore[attr-defined]
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, *flags, "-P", str(_PROGRAM), str(theirs.fileno())],
+                env={"PYTHONHASHSEED": "0"} | os.environ,  # so that sets of texts have one order in every run
+                stdin=subprocess.DEVNULL,
+                pass_fds=(theirs.fileno(),),
+            )
+        self._poll = select.poll()
+        self._poll.register(self._channel, select.POLLIN | select.POLLOUT)
+
+    def ask(self, kind: bytes, body: bytes, answer: bytes, most_bytes: int) -> bytes:
+        """Send a frame and return the content of the answer.
+
+        Args:
+            kind: of the frame.
+            body: its content.
+            answer: the kind of frame that must come back.
+            most_bytes: that it may have.
+
+        Raises:
+            SolutionError: the policy reports a fault, the process has ended, or it does not keep to the protocol.
+        """
+        try:
+            self._send(wire.HEADER.pack(kind, len(body)) + body)
+            return self._receive(answer, most_bytes)
+        except (BrokenPipeError, ConnectionResetError):
+            raise SolutionError(self._how_it_ended()) from None
+
+    def _send(self, frame: bytes) -> None:
+        """Send a frame to a process that must listen now: one that talks instead would have both wait forever."""
+        rest = memoryview(frame)
+        while rest:
+            if self._poll.poll()[0][1] & ~select.POLLOUT:
+                self._check_silent()
+            rest = rest[self._channel.send(rest, socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL) :]
+
+    def _check_silent(self) -> None:
+        said = self._channel.recv(wire.HEADER.size, socket.MSG_PEEK | socket.MSG_DONTWAIT)
+        raise SolutionError(f"{_BROKEN}: it talks before it is asked" if said else self._how_it_ended())
+
+    def _receive(self, answer: bytes, most_bytes: int) -> bytes:
+        """Read a frame: no byte more than it may have."""
+        found = self._read(b"", wire.HEADER.size)
+        kind, length = wire.HEADER.unpack_from(found)
+        if kind not in (answer, wire.FAULT):
+            raise SolutionError(f"{_BROKEN}: it answers {kind!r}, not {answer!r}")
+        if length > (most_bytes if kind == answer else _MOST_SAID):
+            raise SolutionError(f"{_BROKEN}: it answers with {length} bytes, at most {most_bytes} are legal")
+        body = self._read(found[wire.HEADER.size :], length)
+        if len(body) > length:
+            raise SolutionError(f"{_BROKEN}: it talks on after its answer")
+        if kind == wire.FAULT:
+            raise _reported(body)
+        return body
+
+    def _read(self, found: bytes, count: int) -> bytes:
+        """Return at least so many bytes, of which some may have come already."""
+        while len(found) < count:
+            part = self._channel.recv(_MOST_SAID)
+            if not part:
+                raise SolutionError(self._how_it_ended())
+            found += part
+        return found
+
+    def _how_it_ended(self) -> str:
+        """Return the exit status or signal of a process that closed its end."""
+        try:
+            code = self._process.wait(_ENDING_S)
+        except subprocess.TimeoutExpired:
+            return f"{_BROKEN}: it closed its socket"
+        how = f"exit status {code}" if code >= 0 else f"killed by signal {-code}, {signal.strsignal(-code)}"
+        return f"its process ended ({how}): the policy ended it, or memory ran out"
+
+    def end(self) -> None:
+        """End the process; later calls do nothing."""
+        self._channel.close()
+        self._process.kill()
+        self._process.wait()
+
+
+def policy_error(name: str, fault: SolutionError, where: str = "") -> PolicyError:
+    """Return the error of a fault.
+
+    Args:
+        name: of the solution.
+        fault: of its code.
+        where: object, level and step.
+    """
+    place = ", ".join(part for part in (f"line {fault.line}" if fault.line else "", where) if part)
+    error = PolicyError(f"{name}: {fault.text} ({place})" if place else f"{name}: {fault.text}")
+    for note in getattr(fault, "__notes__", ()):
+        error.add_note(note)
+    return error
+
+
+def _reported(body: bytes) -> SolutionError:
+    """Return the fault that a process reports; a stranger may have written it."""
+    try:
+        said = parse_json(body)
+        text, line, trace = str(said["text"]), said["line"], str(said["traceback"])
+    except (ValueError, KeyError, TypeError):
+        return SolutionError(f"{_BROKEN}: its complaint makes no sense")
+    text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+    short = text if len(text) <= _MOST_TEXT else f"{text[: _MOST_TEXT - 3]}..."
+    fault = SolutionError(short, line if isinstance(line, int) and 0 < line < _MOST_LINES else None)
+    fault.add_note("in the solution's process:\n" + "".join(c for c in trace if c.isprintable() or c == "\n"))
+    return fault
+
+
+def _declaration(body: bytes) -> dict[str, Any] | None:
+    """Return what a process says of its policy.
+
+    Raises:
+        SolutionError: it makes no sense.
+    """
+    try:
+        said = parse_json(body)
+    except ValueError:
+        said = 0
+    if said is None:
+        return None
+    if not isinstance(said, dict) or not said.keys() <= set(_DECLARED) or "obs_mode" not in said:
+        raise SolutionError(f"{_BROKEN}: its declaration makes no sense")
+    return said
+
+
+def _json(value: Any) -> bytes:
+    return json.dumps(value).encode()
+
+
+def _arrays_in(observation: Any) -> Iterator[tuple[list[str], np.ndarray]]:
+    """Yield all arrays of an observation, which may be nested, each with its keys."""
+    if not isinstance(observation, Mapping):
+        yield [], np.asarray(observation)
+        return
+    for key, value in observation.items():
+        for keys, array in _arrays_in(value):
+            yield [key, *keys], array
+
+
+def _packed(arrays: Iterable[tuple[list[str], np.ndarray]]) -> bytes:
+    """Return the bytes of arrays, each filled up to `ALIGNMENT`."""
+    parts = []
+    for _, array in arrays:
+        parts += [array.tobytes(), bytes(-array.nbytes % wire.ALIGNMENT)]
+    return b"".join(parts)
+
+
+def _checked_sampling(given: Any, name: str, obs_mode: str | None) -> Sampling | None:
     """Return the `sampling` of a policy's object, where it has one.
 
     Raises:
         PolicyError: it is no mapping with the arguments of `PointCloudDownsample`, or not for clouds.
     """
-    given = getattr(policy, "sampling", None)
     if given is None:
         return None
-    if policy.obs_mode != "pointcloud":
-        raise PolicyError(f"{name}: sampling is for obs_mode 'pointcloud', not for {policy.obs_mode!r}")
+    if obs_mode != "pointcloud":
+        raise PolicyError(f"{name}: sampling is for obs_mode 'pointcloud', not for {obs_mode!r}")
     try:
         return from_mapping(Sampling, to_mapping(given), "sampling")
     except ArtiSkillError as error:
         raise PolicyError(f"{name}: {error}") from error
 
 
-def _observation_config_of(policy: Any, name: str) -> Mapping[str, Any] | None:
+def _checked_observation_config(given: Any, name: str) -> Mapping[str, Any] | None:
     """Return the `observation_config` of a policy's object, where it has one.
 
     Raises:
         PolicyError: it is no mapping, or changes more than what is seen.
     """
-    given = getattr(policy, "observation_config", None)
     if given is None:
         return None
     if not isinstance(given, Mapping) or any(str(key).partition(".")[0] not in _SEEN for key in given):
         legal = " and ".join(f"{key!r}" for key in _SEEN)
         raise PolicyError(f"{name}: observation_config changes the sections {legal} only, not {shown(given)}")
     return given
-
-
-def _import_file(path: Path) -> ModuleType:
-    try:
-        source = read_bytes(path)
-    except FileNotFoundError as error:
-        raise PolicyError(f"solution file {str(path)!r} does not exist") from error
-    except OSError as error:
-        raise PolicyError(f"solution file {shown(str(path))} cannot be read: {error.strerror}") from error
-    folder = str(path.resolve().parent)
-    if folder not in sys.path:
-        sys.path.insert(0, folder)
-    module = ModuleType(_MODULE)
-    module.__file__ = str(path)
-    sys.modules[_MODULE] = module  # dataclasses and pickling look their module up
-
-    def run() -> None:
-        exec(compile(source, str(path), "exec"), module.__dict__)
-
-    _guarded(run, str(path), "cannot be imported:")
-    return module
-
-
-def _guarded(call: Callable[[], Any], name: str, what: str, where: str = "") -> Any:
-    """Return the call's result; raise any error as a `PolicyError` with the solution's line."""
-    try:
-        return call()
-    except BaseException as error:  # anything may come out of foreign code, sys.exit() included
-        if isinstance(error, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
-            raise  # Ctrl-C, in a process that it reaches
-        line = _line_of(error, name)
-        place = ", ".join(part for part in (f"line {line}" if line else "", where) if part)
-        message = f"{name}: {what} {_one_line(error)}"
-        raise PolicyError(f"{message} ({place})" if place else message) from error
-
-
-def _line_of(error: BaseException, name: str) -> int | None:
-    """Return the last line of the file in the error's traceback."""
-    if isinstance(error, SyntaxError) and error.filename == name:
-        return error.lineno
-    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename == name]
-    return frames[-1].lineno if frames else None
-
-
-def _one_line(error: BaseException) -> str:
-    """Return `ValueError: its message`, shortened."""
-    says = error.msg if isinstance(error, SyntaxError) else str(error)
-    says = " ".join(says.split())
-    says = says if len(says) <= 300 else says[:297] + "..."
-    return f"{type(error).__name__}: {says}" if says else type(error).__name__
-
-
-def _describe(action: Any, array: np.ndarray, shape: tuple[int, ...]) -> str:
-    if action is None:
-        return "None"
-    if array.shape != shape:
-        return f"shape {array.shape}"
-    bad = np.flatnonzero(~np.isfinite(array)).tolist()
-    return f"{array[bad].tolist()} in entries {bad}"

@@ -341,15 +341,12 @@ def verify_policy(
     workers: int = 1,
     objects: Sequence[str | ArticulatedObject] = (),
 ) -> VerifyResult:
-    """Have a policy play some episodes of a report again, and compare its actions, bit for bit.
-
-    Each is played in a process of its own, as the first one there: a policy whose `reset` leaves anything of
-    earlier episodes behind may differ.
+    """Have a policy play all episodes of some objects again, and compare its actions, bit for bit.
 
     Args:
         folder: of the report.
         policy: name or path.
-        count: how many episodes.
+        count: how many objects; all, if there are not so many.
         generator: draws which.
         workers: processes.
         objects: see `verify_report`.
@@ -359,17 +356,19 @@ def verify_policy(
         PolicyError: the policy cannot be loaded, or fails.
     """
     stored = read_report(folder)
-    check(count >= 1, f"the number of episodes to play again must be at least 1, not {count}")
+    check(count >= 1, f"the number of objects to play again must be at least 1, not {count}")
     plan, spec = plan_again(stored.report, objects), inspect_policy(policy)
     if policy_digest(policy) != stored.report.policy_sha256 or spec.sampling != stored.report.sampling:
         return VerifyResult(0, 0, (f"{policy} is not the policy of the report: its sha256 or sampling differs",))
-    actions = unpack_actions(stored.files[ACTIONS_FILE])
-    every = [(batch, level) for batch in plan.batches for level in batch.levels]
-    check(len(every) == len(actions), f"{ACTIONS_FILE} has {len(actions)} episodes, not {len(every)}")
-    chosen = np.sort(generator.permutation(len(every))[:count]).tolist()
-    batches = tuple(replace(batch, levels=(level,), policy=policy) for batch, level in (every[k] for k in chosen))
+    actions, per_row = unpack_actions(stored.files[ACTIONS_FILE]), len(plan.batches[0].levels)
+    check(
+        len(actions) == plan.num_episodes, f"{ACTIONS_FILE} has {len(actions)} episodes, not {plan.num_episodes}"
+    )
+    rows = np.sort(generator.permutation(len(plan.batches))[:count]).tolist()
+    batches = tuple(replace(plan.batches[row], policy=policy) for row in rows)
     played = run_evaluation(replace(plan, policy=policy, batches=batches), workers).episodes
-    faults = [_acts_otherwise(result, actions[k]) for k, result in zip(chosen, played, strict=True)]
+    expected = [actions[row * per_row + k] for row in rows for k in range(per_row)]
+    faults = [_acts_otherwise(result, wanted) for result, wanted in zip(played, expected, strict=True)]
     return VerifyResult(len(played), sum(result.length for result in played), tuple(filter(None, faults)))
 
 
