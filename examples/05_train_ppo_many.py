@@ -46,6 +46,7 @@ def main() -> None:
     )
     model.learn(arguments.steps)
     out = Path(arguments.out)
+    out.mkdir(parents=True, exist_ok=True)
     model.save(out / "policy.zip")
     batch.save(str(out / "scaling.pkl"))  # the policy sees scaled observations: it is nothing without
     print(f"saved {out}")
