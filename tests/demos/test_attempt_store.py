@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from artiskill.assets.catalog import load_object
-from artiskill.demos.attempt_store import AttemptStore
-from artiskill.demos.collect import collect
+from artiskill.demos.collect import AttemptStore, collect
 from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.demonstrator import DemoAttempt
 from artiskill.demos.demos import UNFINISHED
