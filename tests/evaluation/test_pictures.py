@@ -10,6 +10,7 @@ from artiskill.demos.demos import load_demo_pack
 from artiskill.envs.core import ObservationContext
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.rendering import Viewpoint
+from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ConfigError, UnknownNameError
 from artiskill.evaluation.pictures import (
     EpisodeChoice,
@@ -20,6 +21,7 @@ from artiskill.evaluation.pictures import (
     save_object_picture,
     write_picture,
 )
+from artiskill.evaluation.policies import StillActor
 from artiskill.evaluation.recording import draw_moments
 from artiskill.evaluation.scene_pictures import PictureStyle
 from artiskill.sensors.pictures.compose import GAP_PX
@@ -238,3 +240,12 @@ def test_bad_input(tmp_path: Path) -> None:
             with pytest.raises(ConfigError, match=message):
                 save_demos_picture(tmp_path / path, file, STYLE, **changes)
     assert not list(tmp_path.iterdir())
+
+
+def test_an_episode_gives_a_policy_the_points_that_it_declares() -> None:
+    class Seeing(StillActor):
+        obs_mode, sampling = "pointcloud", Sampling(num_points=96)
+
+    env = EpisodeChoice("OpenCabinetDrawer", "cabinet-0005").make_env(Seeing())
+    observation, _ = env.reset(options={"level": 0})
+    assert observation["pointcloud"]["xyz"].shape == (96, 3)

@@ -185,14 +185,9 @@ class CollisionSurface:
         """Sample points by area over the shapes, those inside another shape left out. (<= count, 3)."""
         if not self._shapes:
             return np.zeros((0, 3))
-        mesh = merge(self._mesh(i) for i in range(len(self._shapes)))
+        mesh = merge(map(collision_mesh, self._shapes))
         points = make_surface(mesh, count, rng).samples
         return points[self.signed_distances(points) > -_SKIN_M]
-
-    def _mesh(self, index: int) -> TriMesh:
-        shape = self._shapes[index]
-        mesh = self._hulls[index].mesh if index in self._hulls else _MESHES[shape.kind](shape.size)
-        return mesh.transformed(shape.position, shape.quaternion)
 
     def _distance(self, index: int, points: np.ndarray, known: np.ndarray) -> np.ndarray:
         """Return distances to one shape; where `known` is smaller, they may be too small, but not below that."""
@@ -202,6 +197,12 @@ class CollisionSurface:
         if index in self._hulls:
             return _hull_distance(self._hulls[index], local, known)
         return _DISTANCES[shape.kind](local, shape.size)
+
+
+def collision_mesh(shape: CollisionShape) -> TriMesh:
+    """Return the surface of a collision shape, in its link's frame."""
+    mesh = convex_hull(shape.vertices).mesh if shape.vertices is not None else _MESHES[shape.kind](shape.size)
+    return mesh.transformed(shape.position, shape.quaternion)
 
 
 def _box_distance(points: np.ndarray, size: tuple[float, ...]) -> np.ndarray:

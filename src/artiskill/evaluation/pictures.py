@@ -57,6 +57,27 @@ class EpisodeChoice:
     policy: Any = "expert"
     config: Mapping[str, Any] = field(default_factory=dict)
 
+    def make_env(self, actor: Actor | None = None) -> ManipulationEnv:
+        """Return an environment in which the actor sees and acts as it declares; None for nobody.
+
+        Raises:
+            UnknownNameError: an unknown task, object or target link.
+            ConfigError: several objects, or an illegal configuration value.
+            AssetError: an object that cannot be read or used for the task.
+        """
+        env = ManipulationEnv(
+            task=self.task,
+            objects=[_one_object(self.object, self.task)],
+            target=self.target,
+            obs_mode=getattr(actor, "obs_mode", None) or "state",
+            control_mode=getattr(actor, "control_mode", None) or JOINT,
+            config=self.config,
+        )
+        sampling = getattr(actor, "sampling", None)
+        if sampling is not None:  # the wrapper changes the environment itself
+            sampling.wrap(env)
+        return env
+
 
 def check_picture(path: Path | str) -> bool:
     """See whether a picture could be written; returns whether it is a moving one.
@@ -99,15 +120,7 @@ def save_episode_picture(path: Path | str, episode: EpisodeChoice, style: Pictur
         raise ConfigError("a step is only for still pictures; a video shows the whole episode")
     level = check_level(episode.level)
     actor = load_policy(episode.policy) if moving or step else None
-    obj = _one_object(episode.object, episode.task)
-    env = ManipulationEnv(
-        task=episode.task,
-        objects=[obj],
-        target=episode.target,
-        obs_mode=getattr(actor, "obs_mode", None) or "state",
-        control_mode=getattr(actor, "control_mode", None) or JOINT,
-        config=episode.config,
-    )
+    env = episode.make_env(actor)
     if not moving or actor is None:
         _run_steps(env, actor, level, step)
         contexts = [ObservationContext(env.snapshot, env.goal, 0, level, step)]

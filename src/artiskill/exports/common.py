@@ -71,14 +71,18 @@ def surface_files(obj: ArticulatedObject) -> tuple[SurfaceFile, ...]:
     materials: dict[tuple[object, ...], FileMaterial] = {}
     files = []
     for index, link in enumerate(obj.links):
-        drawn = [_as_drawn(visual) for visual in link.visuals if len(visual.mesh.faces)]
-        for number, visual in enumerate(drawn):
+        for number, visual in enumerate(drawn_surfaces(link.visuals)):
             key = _material_key(visual.material)
             if key not in materials:
                 materials[key] = _file_material(visual.material, len(materials))
             stem = "-".join(safe_name(word) for word in (link.name, str(number), visual.part) if word)
             files.append(SurfaceFile(index, stem, visual, materials[key]))
     return tuple(files)
+
+
+def drawn_surfaces(visuals: Iterable[VisualMesh]) -> list[VisualMesh]:
+    """Return the surfaces that have faces, as our pictures show them."""
+    return [_as_drawn(visual) for visual in visuals if len(visual.mesh.faces)]
 
 
 def write_surfaces(files: tuple[SurfaceFile, ...], folder: Path, meshes: str, textures: str) -> None:

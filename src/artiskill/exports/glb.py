@@ -5,15 +5,18 @@ glTF has y up and models that face +z; the node `object` turns ours so. A link's
 stands.
 """
 
+from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from artiskill.assets.articulated_object import ArticulatedObject, Link, Material
+from artiskill.assets.articulated_object import ArticulatedObject, Link, Material, VisualMesh
 from artiskill.assets.kinematics import joint_values, link_poses
 from artiskill.errors import MissingExtraError
-from artiskill.exports.common import FileMaterial, SurfaceFile, smooth_mesh, surface_files
+from artiskill.exports.common import drawn_surfaces, smooth_mesh, surface_files
+from artiskill.geometry.meshes import merge
 from artiskill.geometry.rotations import quat_to_matrix
 
 EXTRA = "export"
@@ -54,8 +57,8 @@ def write_glb(obj: ArticulatedObject, folder: Path) -> Path:
     made: dict[str, Any] = {}
     for file in surface_files(obj):
         if file.material.name not in made:
-            made[file.material.name] = _material(trimesh, file.visual.material, file.material)
-        mesh = _mesh(trimesh, file, made[file.material.name])
+            made[file.material.name] = _material(trimesh, file.visual.material, file.material.name)
+        mesh = _mesh(trimesh, [file.visual], made[file.material.name])
         scene.add_geometry(
             mesh, node_name=f"{file.stem}-node", geom_name=file.stem, parent_node_name=names[file.link]
         )
@@ -71,6 +74,25 @@ def write_glb(obj: ArticulatedObject, folder: Path) -> Path:
     path = folder / f"{obj.id}.glb"
     path.write_bytes(trimesh.exchange.gltf.export_glb(scene, include_normals=True, tree_postprocessor=put_extras))
     return path
+
+
+@lru_cache(maxsize=512)
+def body_glb(visuals: tuple[VisualMesh, ...]) -> bytes:
+    """Return some surfaces as glTF in the frame that they are in: a mesh for each material, no other nodes.
+
+    Raises:
+        MissingExtraError: trimesh is not installed.
+    """
+    trimesh = import_trimesh()
+    groups: dict[int, list[VisualMesh]] = {}
+    for visual in drawn_surfaces(visuals):
+        groups.setdefault(id(visual.material), []).append(visual)
+    scene = trimesh.Scene()
+    for number, group in enumerate(groups.values()):
+        material = _material(trimesh, group[0].material, str(number))
+        scene.add_geometry(_mesh(trimesh, group, material), geom_name=str(number))
+    found: bytes = trimesh.exchange.gltf.export_glb(scene, include_normals=True)
+    return found
 
 
 def _rest_frames(obj: ArticulatedObject) -> list[np.ndarray]:
@@ -106,25 +128,27 @@ def _link_extras(link: Link) -> dict[str, Any]:
     return {"link": link.name, "joint": described}
 
 
-def _mesh(trimesh: Any, file: SurfaceFile, material: Any) -> Any:
-    mesh, normals = smooth_mesh(file.visual.mesh)
+def _mesh(trimesh: Any, visuals: Sequence[VisualMesh], material: Any) -> Any:
+    """Return surfaces of one material as one mesh."""
+    smooth = [smooth_mesh(visual.mesh) for visual in visuals]
+    mesh = merge(mesh for mesh, _ in smooth)
     return trimesh.Trimesh(
         mesh.vertices,
         mesh.faces,
-        vertex_normals=normals,
+        vertex_normals=np.concatenate([normals for _, normals in smooth]),
         visual=trimesh.visual.TextureVisuals(uv=mesh.uvs, material=material),
         process=False,
-        metadata={"part": file.visual.part},
+        metadata={"part": visuals[0].part},
     )
 
 
-def _material(trimesh: Any, material: Material, written: FileMaterial) -> Any:
+def _material(trimesh: Any, material: Material, name: str) -> Any:
     """Physically based: glTF multiplies linear colour and texture, as `Material` does."""
     from PIL import Image
 
     image = None if material.texture is None else Image.fromarray(np.ascontiguousarray(material.texture))
     return trimesh.visual.material.PBRMaterial(
-        name=written.name,
+        name=name,
         baseColorFactor=np.array(material.rgba, dtype=float),
         baseColorTexture=image,
         metallicFactor=0.0,

@@ -8,9 +8,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from artiskill.assets.articulated_object import ArticulatedObject, VisualMesh
+from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape, VisualMesh
 from artiskill.robots.config import RobotConfig
-from artiskill.robots.model import RobotPart, add_robot
+from artiskill.robots.model import GEOM_TYPES, RobotPart, add_robot
 from artiskill.robots.visuals import robot_visuals
 from artiskill.scene.layout import SceneLayout, add_padding, layout_of, plan_padding
 from artiskill.scene.object_model import ObjectPart, add_object
@@ -90,6 +90,29 @@ class Scene:
             drawn += [(index, visual) for visual in link.visuals]
         drawn += [(self.model.body(prop.body).id, prop.visual()) for prop in self.props]
         return tuple(drawn)
+
+    @cached_property
+    def collision_shapes(self) -> tuple[tuple[int, CollisionShape], ...]:
+        """Everything that can touch something, with the body index that carries it; the ground is not among it."""
+        model = self.model
+        kinds: dict[int, Any] = {int(geom): kind for kind, geom in GEOM_TYPES.items()}
+        found: list[tuple[int, CollisionShape]] = []
+        for geom in np.flatnonzero(model.geom_contype | model.geom_conaffinity).tolist():
+            kind = kinds.get(int(model.geom_type[geom]))
+            if kind is None:  # the ground
+                continue
+            vertices = None
+            if kind == "hull":
+                mesh = model.geom_dataid[geom]
+                first = model.mesh_vertadr[mesh]
+                vertices = np.array(model.mesh_vert[first : first + model.mesh_vertnum[mesh]], dtype=np.float64)
+            pose = model.geom_pos[geom].copy(), model.geom_quat[geom].copy()
+            size = tuple(model.geom_size[geom][: _SIZES[kind]].tolist())
+            found.append((int(model.geom_bodyid[geom]), CollisionShape(kind, size, *pose, vertices)))
+        return tuple(found)
+
+
+_SIZES = {"box": 3, "cylinder": 2, "capsule": 2, "sphere": 1, "hull": 0}  # numbers in a shape's size
 
 
 def build_scene(
