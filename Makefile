@@ -10,7 +10,7 @@ bootstrap = @$(PYTHON) tools/bootstrap.py --venv $(VENV)
 python = $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-dev demo test test-slow test-learn test-rl test-lerobot test-ray test-gltf lint types format bench docs site clean clean-env
+.PHONY: help setup setup-dev demo test test-slow test-learn test-viewer test-rl test-lerobot test-ray test-gltf lint types format bench docs site clean clean-env
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
@@ -37,6 +37,11 @@ test-learn: VENV = .venv-learn
 test-learn: ## run the tests of learning, which need torch, in .venv-learn
 	$(bootstrap) test-learn
 	$(python) -m pytest tests/learning -n $(WORKERS)
+
+test-viewer: VENV = .venv-viewer
+test-viewer: ## drive the viewer in a headless Chromium, in .venv-viewer
+	$(bootstrap) test-viewer
+	$(python) -m pytest tests/viewer tests/cli/test_view.py -m "slow or not slow"
 
 test-rl: VENV = .venv-rl
 test-rl: ## run the tests that need torch, TorchRL or Stable-Baselines3, in .venv-rl
@@ -95,4 +100,4 @@ clean: ## remove results and caches
 	find src tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
 
 clean-env: ## remove the environments too
-	rm -rf $(VENV) .venv-learn .venv-rl .venv-lerobot .venv-ray
+	rm -rf $(VENV) .venv-learn .venv-viewer .venv-rl .venv-lerobot .venv-ray

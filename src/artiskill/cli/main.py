@@ -14,16 +14,10 @@ from artiskill.tasks.registry import load_task
 
 # command -> the module of this package that adds it, in the order of --help
 _MODULES = {
-    **{
-        "demo": "evaluate",
-        "evaluate": "evaluate",
-        "report": "evaluate",
-        "protocols": "info",
-        "demos": "demos",
-        "training-set": "training_set",
-    },
-    **{"train": "train", "export-policy": "export_policy", "render": "render", "assets": "assets"},
-    **{"bench": "bench", "objects": "info", "tasks": "info", "config": "info", "version": "info", "warm": "info"},
+    **{"demo": "evaluate", "evaluate": "evaluate", "report": "evaluate", "protocols": "info", "demos": "demos"},
+    **{"training-set": "training_set", "train": "train", "export-policy": "export_policy", "render": "render"},
+    **{"view": "view", "assets": "assets", "bench": "bench", "objects": "info", "tasks": "info"},
+    **{"config": "info", "version": "info", "warm": "info"},
 }
 EXIT_OK, EXIT_ERROR, EXIT_INTERRUPTED, EXIT_BROKEN_PIPE = 0, 2, 130, 141
 

@@ -1,0 +1,355 @@
+"""The page of an episode: what is chosen, played, switched on and read in the panel beside the scene; and exports.
+
+Callbacks of the browser come in threads of their own. They only put commands into a queue, which `run` obeys: all
+of the page's state has one thread.
+"""
+
+import html
+import queue
+import time
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from artiskill.errors import ArtiSkillError, ConfigError
+from artiskill.evaluation.recording import shown_points
+from artiskill.files import atomic_write, check_output_folder, output_path
+from artiskill.sensors.pictures.framing import framing_camera
+from artiskill.sensors.render_config import load_render_config
+from artiskill.viewer import serving
+from artiskill.viewer.playback import SPEEDS, Moment, Player, Timeline, reward_text, state_text
+from artiskill.viewer.scene_view import (
+    LAYERS,
+    PICTURES,
+    TARGET,
+    SceneView,
+    SensorView,
+    add_stage,
+    scene_bodies,
+)
+
+Do = Callable[[Callable[[], None]], None]  # has something done by the thread of the page
+_SENSORS_PER_S, _TEXT_PER_S, _UPDATES_PER_S = 5.0, 10.0, 60.0
+# Okabe and Ito's colours, as of masks
+_COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f7f7f", "#000000")
+# from where scenes are looked at first: cabinets face -x, and robots stand before them
+_DIRECTION_DEG, _SIZE_PX = (226.0, 22.0), (640, 480)
+_LAST_S = 1.0  # for which a replay stays at its end
+_CLIENT_TITLE = "<title>Viser</title>"
+
+
+class Picker(Protocol):
+    """What chooses an episode: its widgets, and what they stand at."""
+
+    def add_to(self, server: Any, do: Do) -> None:
+        """Add the widgets."""
+
+    def take_over(self) -> None:
+        """Choose what the widgets stand at."""
+
+    def load(self) -> Timeline:
+        """Return the chosen episode from its beginning."""
+
+
+def from_browser(event: Any, do: Do, command: Callable[[], None]) -> None:
+    """Have a command done if a person caused the event, and not the program."""
+    if event.client_id is not None:
+        do(command)
+
+
+class EpisodePage:
+    """One episode in the browser, and the panel that steers it.
+
+    Args:
+        server: of viser.
+        picker: which episode is shown, and can be chosen.
+        plays: whether it plays as soon as somebody looks.
+
+    Attributes:
+        player: which moment is shown.
+        view: what is drawn.
+        frames: how often a moment has been shown.
+
+    Raises:
+        ArtiSkillError: the first episode cannot be loaded.
+    """
+
+    def __init__(self, server: Any, picker: Picker, plays: bool = True) -> None:
+        self._server, self._picker, self._plays = server, picker, plays
+        self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._sensors: SensorView | None = None
+        self._next_s = {"sensors": 0.0, "text": 0.0}
+        self._is_shown = False
+        self.frames = 0
+        self.player = Player(picker.load())
+        self.view = self._enter()
+        _add_stage(server, self.player.timeline)
+        self._show_poses(self.player.moment)
+        self._add_panel()
+        self.show()
+        if plays:
+            self.player.play()
+
+    # -- what is shown -------------------------------------------------------------------------------------------
+
+    def _enter(self) -> SceneView:
+        timeline = self.player.timeline
+        scene = timeline.scene
+        view = SceneView(
+            self._server, scene_bodies(scene), scene.object, scene.index.object_bodies.start, timeline.target
+        )
+        view.show_layer(TARGET, True)
+        return view
+
+    def load(self) -> None:
+        """Show the episode that the picker stands at, from its beginning; an error is told on the page."""
+        self._picker.take_over()
+        try:
+            timeline = self._picker.load()
+        except (ArtiSkillError, IndexError) as error:
+            self._title.content = f"**error:** {html.escape(str(error))}"
+            return
+        layers, speed = self.view.shown, self.player.speed
+        self.view.remove()
+        if self._sensors is not None:
+            self._sensors.remove()
+            self._sensors = None
+        self.player = Player(timeline)
+        self.player.set_speed(speed)
+        self.view = self._enter()
+        for layer in layers:
+            self.view.show_layer(layer, True)
+        self.view.show_surfaces(self._surfaces.value)
+        self._title.content = _title(timeline)
+        self._plot.series = self._series()
+        if self._plays:
+            self.player.play()
+        self.show()
+
+    def show(self) -> None:
+        """Show the present moment whole."""
+        self._next_s = dict.fromkeys(self._next_s, 0.0)
+        self._show_moment()
+
+    def _show_moment(self) -> None:
+        """Show the present moment; text and what cameras see not more often than people can follow."""
+        moment = self.player.moment
+        self._show_poses(moment)
+        if self._is_due("text", _TEXT_PER_S):
+            self._show_text(moment)
+        if self._is_due("sensors", _SENSORS_PER_S):
+            self._show_sensors(moment)
+        self.frames += 1
+
+    def _show_poses(self, moment: Moment) -> None:
+        snapshot = moment.context.snapshot
+        self.view.set_poses(snapshot.body_position_w[0], snapshot.body_quaternion_w[0])
+
+    def _is_due(self, what: str, per_s: float) -> bool:
+        now = time.monotonic()
+        if now < self._next_s[what] and self.player.is_playing:
+            return False
+        self._next_s[what] = now + 1.0 / per_s
+        return True
+
+    def _show_text(self, moment: Moment) -> None:
+        player = self.player
+        timeline = player.timeline
+        self._slider.max = len(timeline) - 1 if timeline.is_complete else timeline.task.config.episode_steps
+        self._slider.value = player.position
+        self._state.content = state_text(moment)
+        self._rewards.content = reward_text(moment)
+        self._plot.data = self._plotted()
+
+    def _show_sensors(self, moment: Moment) -> None:
+        kind, is_cloud = self._pictures.value, self._cloud.value
+        self._picture.visible = kind != "off"
+        if kind == "off" and not is_cloud:
+            if self._sensors is not None:
+                self._sensors.show_cloud(False)
+            return
+        if self._sensors is None:
+            timeline = self.player.timeline
+            self._sensors = SensorView(self._server, timeline.task, timeline.scene, timeline.target)
+        self._sensors.observe(moment.context)
+        if kind != "off":
+            self._picture.image = self._sensors.picture(kind)
+        self._sensors.show_cloud(is_cloud)
+
+    def _plotted(self) -> tuple[np.ndarray, ...]:
+        """Return time and reward terms up to the present moment, a row each."""
+        player = self.player
+        moments = [player.timeline.moment(k) for k in range(player.position + 1)]
+        moments = moments if len(moments) > 1 else moments * 2  # a plot needs two points
+        steps = np.array([moment.context.elapsed for moment in moments], dtype=float)
+        chosen = [
+            [moment.reward for moment in moments],
+            *([moment.reward_terms[name] for moment in moments] for name in self._terms()),
+        ]
+        return (steps, *(np.array(values, dtype=float) for values in chosen))
+
+    def _terms(self) -> Sequence[str]:
+        return list(self.player.moment.reward_terms)
+
+    # -- the panel -----------------------------------------------------------------------------------------------
+
+    def _add_panel(self) -> None:
+        gui = self._server.gui
+        self._title = gui.add_markdown(_title(self.player.timeline))
+        with gui.add_folder("playback"):
+            self._add_playback(gui)
+        self._state = gui.add_markdown("")
+        with gui.add_folder("robot's cameras"):
+            self._pictures = gui.add_dropdown("pictures", PICTURES, initial_value=PICTURES[0])
+            self._cloud = gui.add_checkbox("point cloud", initial_value=False)
+            self._picture = gui.add_image(np.full((8, 8, 3), 255, np.uint8))
+            for widget in (self._pictures, self._cloud):
+                widget.on_update(lambda event: from_browser(event, self.do, self.show))
+        with gui.add_folder("show"):
+            self._add_layers(gui)
+        with gui.add_folder("rewards", expand_by_default=True):
+            self._plot = self._add_plot(gui)
+            self._rewards = gui.add_markdown("")
+        with gui.add_folder("choose an episode", expand_by_default=False):
+            self._picker.add_to(self._server, self.do)
+            gui.add_button("load").on_click(lambda event: from_browser(event, self.do, self.load))
+
+    def _add_playback(self, gui: Any) -> None:
+        buttons = gui.add_button_group("", ("restart", "back", "play", "pause", "step"))
+        self._slider = gui.add_slider("step", 0, 1, 1, 0)
+        speeds = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="1")
+        acts: Mapping[str, Callable[[], None]] = {
+            "restart": lambda: self.player.seek(0),
+            "back": lambda: self.player.step(-1),
+            "play": lambda: self.player.play(),
+            "pause": lambda: self.player.pause(),
+            "step": lambda: self.player.step(),
+        }
+
+        def press(name: str) -> None:
+            acts[name]()
+            self.show()
+
+        def seek(position: int) -> None:
+            self.player.seek(position)
+            self.show()
+
+        buttons.on_click(lambda event: from_browser(event, self.do, partial(press, event.target.value)))
+        self._slider.on_update(lambda event: from_browser(event, self.do, partial(seek, int(event.target.value))))
+        speeds.on_update(lambda event: from_browser(event, self.do, lambda: self.player.set_speed(speeds.value)))
+
+    def _add_layers(self, gui: Any) -> None:
+        self._surfaces = gui.add_checkbox("surfaces", initial_value=True)
+        self._surfaces.on_update(
+            lambda event: from_browser(event, self.do, lambda: self.view.show_surfaces(self._surfaces.value))
+        )
+        for layer in LAYERS:
+            box = gui.add_checkbox(layer, initial_value=layer in self.view.shown)
+
+            def switch(event: Any, layer: str = layer, box: Any = box) -> None:
+                from_browser(event, self.do, lambda: self.view.show_layer(layer, box.value))
+
+            box.on_update(switch)
+
+    def _add_plot(self, gui: Any) -> Any:
+        scales = {"x": {"time": False, "auto": True}, "y": {"auto": True}}
+        return gui.add_uplot(self._plotted(), self._series(), scales=scales, aspect=1.6)
+
+    def _series(self) -> tuple[dict[str, Any], ...]:
+        """Return labels and colours of what is plotted."""
+        names = enumerate(("reward", *self._terms()))
+        lines = ({"label": name, "stroke": _COLOURS[k % len(_COLOURS)], "width": 2} for k, name in names)
+        return ({"label": "step"}, *lines)
+
+    # -- the loop ------------------------------------------------------------------------------------------------
+
+    def do(self, command: Callable[[], None]) -> None:
+        """Have something done by the thread that runs the page."""
+        self._commands.put(command)
+
+    def update(self) -> None:
+        """Obey what was asked for, and go on with time, if anybody looks."""
+        while not self._commands.empty():
+            self._commands.get()()
+        is_watched = bool(self._server.get_clients())
+        if is_watched and not self._is_shown:
+            self.player.set_speed(self.player.speed)  # time begins when the first one looks
+        self._is_shown = is_watched
+        if is_watched and self.player.update():
+            self.show() if not self.player.is_playing else self._show_moment()
+
+    def run(self) -> None:
+        """Show the episode until the process is interrupted."""
+        while True:
+            started = time.monotonic()
+            self.update()
+            time.sleep(max(0.001, 1.0 / _UPDATES_PER_S - (time.monotonic() - started)))
+
+
+def _caption(moment: Moment) -> str:
+    return " · ".join(part for part in (moment.progress, moment.end) if part)
+
+
+def _title(timeline: Timeline) -> str:
+    return f"**{html.escape(timeline.title)}**"
+
+
+def _add_stage(server: Any, timeline: Timeline, has_panel: bool = True) -> None:
+    """Add light and ground; the camera sees robot and object whole."""
+    scene, snapshot = timeline.scene, timeline.moment(0).context.snapshot
+    points = shown_points(scene, [snapshot])[0]
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    eye = framing_camera(points, *_DIRECTION_DEG, *_SIZE_PX).position_w
+    add_stage(server, load_render_config(), eye, middle, has_panel)
+
+
+def export_episode(
+    timeline: Timeline, path: Path | str, on_step: Callable[[int], None] = lambda step: None
+) -> Path:
+    """Write an episode, to its end, as one HTML file that plays it without a server.
+
+    Args:
+        timeline: of the episode.
+        path: ends in `.html`.
+        on_step: called with the number of steps so far.
+
+    Raises:
+        ConfigError: an illegal path.
+        MissingExtraError: viser is not installed.
+    """
+    path = output_path(path)
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise ConfigError(f"a replay's name must end in .html, not {path.name!r}")
+    check_output_folder(path.parent)
+    with serving(port=0) as server:
+        player, scene = Player(timeline), timeline.scene
+        bodies, first = scene_bodies(scene), scene.index.object_bodies.start
+        view = SceneView(server, bodies, scene.object, first, timeline.target)
+        view.show_layer(TARGET, True)
+        _add_stage(server, timeline, has_panel=False)
+        caption = view.add_caption()
+        recording = server.get_scene_serializer()
+        while True:
+            moment = player.moment
+            snapshot = moment.context.snapshot
+            view.set_poses(snapshot.body_position_w[0], snapshot.body_quaternion_w[0])
+            caption.text = _caption(moment)
+            recording.insert_sleep(snapshot.step_s)
+            on_step(player.position)
+            player.step()
+            if player.position == moment.context.elapsed:
+                break
+        caption.text = _caption(player.moment)  # which may end by a fault
+        recording.insert_sleep(_LAST_S)
+        page = recording.as_html()
+    page = page.replace(_CLIENT_TITLE, f"<title>{html.escape(timeline.title)}</title>", 1)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_write(path) as temporary:
+            temporary.write_text(page, encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"cannot write the replay {str(path)!r}: {error.strerror or error}") from error
+    return path
