@@ -115,6 +115,14 @@ def test_what_is_done_with_a_door() -> None:
     assert phase_of(shut, clear) is None, "it is taken by its handle again"
 
 
+def test_a_narrow_door_is_pulled_further() -> None:
+    """The gap at its edge is what the hand fits through."""
+    _, door = door_at("link_0", 0.0)
+    narrow, wide = (dataclasses.replace(door, edge_m=edge) for edge in (0.2, 0.6))
+    assert door_opening.ajar_rad(wide, CONFIG) == CONFIG.ajar_rad
+    assert door_opening.ajar_rad(narrow, CONFIG) * 0.2 == pytest.approx(CONFIG.gap_m)
+
+
 def test_a_lost_door_is_gone_around_if_it_is_nearly_ajar() -> None:
     _, door = door_at("link_0", 0.6)
     clear = hand_at(door, 0.28, door.grasp_m + 0.08)

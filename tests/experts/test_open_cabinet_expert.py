@@ -65,6 +65,9 @@ def test_least_squares_stays_in_its_box() -> None:
         x = bounded_least_squares(matrix, target, lower, upper)
         assert (x >= lower - 1e-12).all()
         assert (x <= upper + 1e-12).all()
+        slope = matrix.T @ (matrix @ x - target)  # nothing is gained by going on, or back from a bound
+        assert (slope[x > lower + 1e-9] < 1e-6).all()
+        assert (slope[x < upper - 1e-9] > -1e-6).all()
         unbounded = np.linalg.lstsq(matrix, target, rcond=None)[0]
         wide = bounded_least_squares(matrix, target, np.full(11, -1e3), np.full(11, 1e3))
         np.testing.assert_allclose(wide, unbounded, atol=1e-9)
@@ -226,6 +229,24 @@ def test_narrow_fingers_back_off_until_they_are_wide(env: ManipulationEnv) -> No
     command = expert.command(shut, goal)
     assert command.twists[0, 2] < -0.05
     assert command.grip[0] == Grip.OPEN
+
+
+def test_a_folded_arm_unfolds_before_it_reaches(env: ManipulationEnv) -> None:
+    """Its hand would only get to where a joint is at its limit."""
+    simulation = env.simulation
+    simulation._qpos[0, 4:11] = (1.9, 1.2, 0.3, -2.9, -1.2, 1.7, 1.7)
+    simulation._batch.forward()
+    snapshot, before = simulation.snapshot(), env.snapshot
+    expert = OpenCabinetExpert(env.task.robot)
+    rest = np.array(env.task.robot.initial.arm_qpos_rad)
+    body = expert.controller.whole_body
+    qvel = body.scale.to_targets(expert.act(snapshot, env.goal))[body.columns]
+    off = rest[:-1] - snapshot.robot_qpos[0, 4:10]
+    far = np.abs(off) > 0.5
+    assert (qvel[4:10][far] * off[far] > 0).all()
+    assert far.sum() >= 4
+    command = expert.command(before, env.goal)  # at rest it heads for the handle
+    assert command.twists[0, 2] > 0.3
 
 
 def test_a_hand_that_goes_around_is_turned_about_where_that_spares_its_last_joint() -> None:

@@ -89,6 +89,12 @@ class CommandController:
         )
         return body.to_action(state, qvel, fingers)
 
+    def posture_twists(self, state: RobotState, command: Command) -> np.ndarray:
+        """Return the twists (A, 6), in the hands' axes, of a robot that only followed its posture."""
+        body = self.whole_body
+        qvel = np.clip(self._posture_qvel(state, command), -body.max_speed, body.max_speed)
+        return in_hand_axes(state, (body.jacobian(state) @ qvel).reshape(-1, 6))
+
     @staticmethod
     def _twists_w(state: RobotState, command: Command) -> np.ndarray:
         turn = state.tool_rotation_w[0, : len(command.twists)]  # (A, 3, 3)

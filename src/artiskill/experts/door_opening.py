@@ -12,18 +12,20 @@ from itertools import product
 import numpy as np
 
 from artiskill.config import check_inside, check_not_negative, check_positive
-from artiskill.experts.frames import Frame, Motion, axis_rotation, head_for, limited, rotation_error
+from artiskill.experts.frames import Frame, Motion, axis_rotation, head_for, limited, ramp, rotation_error
 from artiskill.experts.handle_grasp import CabinetPhase, HandAtHandle
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet import CabinetGoal
 
 _AIM_M = 0.04  # beyond where the hand turns in around an edge, lest it creeps there
 _BLEND_M = 0.025  # on which one way around an edge turns into the next
-_OUTSIDE_M = 0.03  # beyond the inner face, where no hand that pushes it can be
+_PRESSED_M = 0.02  # beyond the inner face, where the centre of a hand that pushes it can still be
+_IN_M = 0.015  # behind the edge: from here on it pushes altogether
 _ENOUGH = 0.8  # of how far a door is to be ajar, for a hand that slipped off to go behind it
 _NO_WAY = 0.4  # likewise, below which it comes out again
 _TURNED_RAD, _BROAD_RAD = 0.5, 0.9  # from how it will push: up to here it goes in, from here on not at all
 _HANGING = -0.5  # a closed door whose edge is so far below its hinge (cosine to the vertical) hangs
+_MOST_AJAR_RAD = 0.9  # further no hand follows a handle
 _GAP_RAD = 0.1  # a door that is less open has no room behind it
 _LET_GO_M = 0.06  # opening of a hand that has let go
 _BESIDE_M, _ALONG_M = 0.06, 0.15  # a hand further from the grasp, across or along, is clear of the handle
@@ -34,6 +36,7 @@ class DoorConfig:
     """How doors are opened."""
 
     ajar_rad: float  # so far it is pulled by its handle, and then pushed
+    gap_m: float  # likewise, at its edge: the hand has to fit through
     follow: float  # share of the door's turning that the gripping hand follows; about the rest the grip pivots
     pivot_width_m: float  # of the widest handle that a grip pivots about
     rate_rad_s: float  # how fast the door is to turn while it is pushed
@@ -56,7 +59,7 @@ class DoorConfig:
 
     def __post_init__(self) -> None:
         check_positive(
-            self, "ajar_rad", "rate_rad_s", "pull_rate_rad_s", "stop_gain_s", "heading_rad", "overlap_m"
+            self, "ajar_rad", "gap_m", "rate_rad_s", "pull_rate_rad_s", "stop_gain_s", "heading_rad", "overlap_m"
         )
         check_positive(self, "pull_speed_m_s", "push_speed_m_s", "around_m_s", "correction_m_s", "release_m")
         check_positive(self, "clearance_m", "behind_m")
@@ -151,16 +154,22 @@ def phase_at(door: Door, tool: Frame, hand: HandAtHandle, config: DoorConfig) ->
     is_behind, is_beside = outward < door.inner_m, along > door.edge_m
     if door.hangs:
         return None
-    if is_behind and along < door.edge_m + config.overlap_m / 2 and door.angle_rad > _GAP_RAD:
+    inside = outward < door.inner_m + _PRESSED_M and along < door.edge_m + config.overlap_m / 2
+    if inside and door.angle_rad > _GAP_RAD:
         return CabinetPhase.PUSH
     if is_behind and along < door.edge_m + config.clearance_m:
         return CabinetPhase.AROUND
     lost = _NO_WAY if is_behind or is_beside else _ENOUGH
-    if door.angle_rad < config.ajar_rad * (1.0 if hand.is_around else lost):
+    if door.angle_rad < ajar_rad(door, config) * (1.0 if hand.is_around else lost):
         return None
     if not is_behind and (hand.is_around or _withdraws(door, outward, hand, config)):
         return CabinetPhase.RELEASE
     return CabinetPhase.AROUND
+
+
+def ajar_rad(door: Door, config: DoorConfig) -> float:
+    """Return how far a door is to be pulled by its handle."""
+    return max(config.ajar_rad, min(config.gap_m / door.edge_m, _MOST_AJAR_RAD))
 
 
 def _withdraws(door: Door, outward_m: float, hand: HandAtHandle, config: DoorConfig) -> bool:
@@ -224,27 +233,20 @@ def around(door: Door, tool: Frame, rotation: np.ndarray, config: DoorConfig) ->
     """
     along, outward = door.coordinates(tool.position)
     clear, behind = door.edge_m + config.clearance_m, door.inner_m - config.behind_m
-    if door.angle_rad < _NO_WAY * config.ajar_rad:
+    if door.angle_rad < _NO_WAY * ajar_rad(door, config):
         point = door.point(clear + _AIM_M, outward)
     else:
         turn_rad = float(np.linalg.norm(rotation_error(tool.rotation, rotation)))
-        beside = _share(along, clear - 2 * _BLEND_M, clear - _BLEND_M)
-        is_behind = _share(-outward, -behind - 2 * _BLEND_M, -behind - _BLEND_M)
-        enters = max(
-            _share(-turn_rad, -_BROAD_RAD, -_TURNED_RAD), _share(-along, -door.edge_m - _BLEND_M, -door.edge_m)
-        )
+        beside = ramp(along, clear - 2 * _BLEND_M, clear - _BLEND_M)
+        is_behind = ramp(outward, behind + 2 * _BLEND_M, behind + _BLEND_M)
+        enters = max(ramp(turn_rad, _BROAD_RAD, _TURNED_RAD), ramp(along, door.edge_m + _BLEND_M, door.edge_m))
         outside, past = max(outward, door.outer_m), max(beside, is_behind)
         inwards = is_behind * enters
         point = door.point(
             clear + _AIM_M - inwards * (config.clearance_m + _AIM_M + config.overlap_m),
-            outside + past * (behind - _AIM_M - outside),
+            outside + past * (behind - (1.0 - inwards) * _AIM_M - outside),
         )
     return head_for(Frame(point, rotation), config.around_m_s)
-
-
-def _share(value: float, low: float, high: float) -> float:
-    """Return how far a value is on its way from one to another, 0 to 1."""
-    return min(max((value - low) / (high - low), 0.0), 1.0)
 
 
 def push(door: Door, left_rad: float, tool: Frame, rotation: np.ndarray, config: DoorConfig) -> Motion:
@@ -253,7 +255,8 @@ def push(door: Door, left_rad: float, tool: Frame, rotation: np.ndarray, config:
     wanted = Frame(door.point(door.edge_m - config.overlap_m, door.inner_m), rotation)
     wanted_rad_s = _wanted_rate(left_rad, config.rate_rad_s, config)
     feed = _feed(door, wanted_rad_s, tool, config.push_gain, config.push_speed_m_s)
-    return Motion(wanted, config.correction_m_s, feed)
+    along, _ = door.coordinates(tool.position)  # a hand that is hardly in would slip off the edge
+    return Motion(wanted, config.correction_m_s, ramp(along, door.edge_m, door.edge_m - _IN_M) * feed)
 
 
 def _wanted_rate(left_rad: float, most_rad_s: float, config: DoorConfig) -> float:

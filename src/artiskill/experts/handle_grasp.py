@@ -13,9 +13,9 @@ import numpy as np
 
 from artiskill.config import check_positive, check_value
 from artiskill.experts.frames import Frame, axis_rotation, rotation_error, yaw_rotation
-from artiskill.geometry.rotations import quat_from_rpy, quat_to_matrix
-from artiskill.robots.arm_config import load_arm
+from artiskill.experts.whole_body import TRUNK
 from artiskill.robots.config import RobotConfig
+from artiskill.robots.kinematics import RobotKinematics
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet import CabinetGoal
 
@@ -155,16 +155,9 @@ class Posture:
 
 def rest_posture(robot: RobotConfig) -> Posture:
     """Return the posture of the first arm that episodes begin in."""
-    arm, mount, qpos = load_arm(robot.arm), robot.mounts[0], robot.initial.arm_qpos_rad
-    position, rotation = np.array(robot.torso.position_m), np.eye(3)
-    links = [(mount.position_m, mount.rpy_rad), *((joint.position_m, joint.rpy_rad) for joint in arm.joints[1:])]
-    for (offset, rpy), angle in zip(links, qpos, strict=True):
-        position = position + rotation @ offset
-        rotation = rotation @ quat_to_matrix(quat_from_rpy(rpy)) @ yaw_rotation(angle)
-    position = position + rotation @ arm.hand.position_m
-    rotation = rotation @ quat_to_matrix(quat_from_rpy(arm.hand.rpy_rad))
-    pads = np.asarray(arm.finger.position_m) + np.asarray(arm.finger.pad_m)
-    return Posture(np.asarray(qpos), position + rotation @ pads)
+    arm = np.asarray(robot.initial.arm_qpos_rad)
+    qpos = np.concatenate((np.zeros(TRUNK), np.tile([*arm, 0.0, 0.0], len(robot.mounts))))
+    return Posture(arm, RobotKinematics(robot).tools(qpos[None])[0][0, 0])
 
 
 def approach_point(config: StanceConfig, goal: Frame, position: np.ndarray) -> np.ndarray:

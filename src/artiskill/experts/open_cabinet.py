@@ -12,9 +12,9 @@ import numpy as np
 
 from artiskill.config import CONFIG_DIR, check_inside, check_positive, load_config
 from artiskill.experts import door_opening
-from artiskill.experts.command import Command, CommandController, Grip
+from artiskill.experts.command import Command, CommandController, Grip, in_base_axes
 from artiskill.experts.door_opening import Door, DoorConfig, door_of
-from artiskill.experts.frames import Frame, Motion, head_for, limited, rotation_error, tool_frame
+from artiskill.experts.frames import Frame, Motion, head_for, limited, ramp, rotation_error, tool_frame
 from artiskill.experts.handle_grasp import (
     CabinetPhase,
     GraspConfig,
@@ -38,6 +38,8 @@ _OPEN_HANDED = (CabinetPhase.APPROACH, CabinetPhase.RELEASE)
 _INTO_LIMIT_M = 0.01  # pulling aims so far beyond where it stops, lest it creeps there
 _INTO_LIMIT_RAD = 0.03
 _HALF_TURN = np.diag((-1.0, -1.0, 1.0))  # of a hand about its own z axis
+_BENT_RAD, _FOLDED_RAD = 0.8, 1.3  # of a joint from its posture: from here on, and here altogether, it goes back
+_RETREAT_M = 0.3  # of the base, meanwhile
 _MOVES = 0.1  # m/s or rad/s of a joint: what is held moves along
 _UPRIGHT = 0.5  # cosine to the vertical above which a hinge counts as upright
 
@@ -118,17 +120,32 @@ class OpenCabinetExpert:
         now = self._look(snapshot, goal)
         phase = self._phase(now)
         motion = self._motion(phase, now)
-        twist = np.zeros(6) if phase is CabinetPhase.HOLD else self._twist(now.tool, motion)
+        twist = np.zeros((1, 6)) if phase is CabinetPhase.HOLD else self._twist(now.tool, motion)
         trunk = np.zeros(TRUNK) if phase is CabinetPhase.HOLD else self._trunk_qvel(snapshot, motion.wanted)
         wide = 2 * self._widest_m if phase is CabinetPhase.RELEASE else now.hand.wide_m
-        return Command(
+        command = Command(
             phase=int(phase),
-            twists=twist[None],
+            twists=twist,
             trunk_qvel=trunk,
             arm_gain_s=0.0 if phase is CabinetPhase.HOLD else self.config.posture_gain_s,
             grip=np.array([Grip.OPEN if phase in _OPEN_HANDED else Grip.CLOSING]),
             width_m=np.array([wide / 2]),
         )
+        return self._unfolding(command, now, motion.wanted) if phase is CabinetPhase.APPROACH else command
+
+    def _unfolding(self, command: Command, now: _Situation, wanted: Frame) -> Command:
+        """Return the command of an arm that is far from its posture: first it goes back there, and the base away.
+
+        A folded arm can follow its hand's way only until one of its joints is at its limit.
+        """
+        off = np.abs(now.snapshot.robot_qpos[0, TRUNK : self._last_joint] - self._stance.arm[:-1]).max()
+        share = ramp(off, _BENT_RAD, _FOLDED_RAD)
+        if share == 0.0:
+            return command
+        back = Frame(wanted.position - share * _RETREAT_M * wanted.forward, wanted.rotation)
+        command = replace(command, trunk_qvel=self._trunk_qvel(now.snapshot, back))
+        twists = self.controller.posture_twists(now.snapshot, command)
+        return replace(command, twists=command.twists + share * (twists - command.twists))
 
     def _look(self, snapshot: Snapshot, goal: CabinetGoal) -> _Situation:
         config, last = self.config, self._last_joint
@@ -174,7 +191,9 @@ class OpenCabinetExpert:
         """To the handle through the funnel before it."""
         config, grasp, share = self.config, now.grasp, now.hand.standoff
         before = Frame(grasp.position - share * config.grip.standoff_m * grasp.forward, grasp.rotation)
-        speed = config.reach_speed_m_s + share * (config.approach_speed_m_s - config.reach_speed_m_s)
+        far = ramp(float(np.linalg.norm(now.hand.error_m)), config.grip.standoff_m, 2 * config.grip.standoff_m)
+        fast = max(share, far)
+        speed = config.reach_speed_m_s + fast * (config.approach_speed_m_s - config.reach_speed_m_s)
         return head_for(Frame(approach_point(config.stance, before, now.tool.position), grasp.rotation), speed)
 
     def _slide_motion(self, now: _Situation) -> Motion:
@@ -212,19 +231,16 @@ class OpenCabinetExpert:
         return self._tilted(Frame(door.hinge, rotation)).rotation if upright else rotation
 
     def _twist(self, tool: Frame, motion: Motion) -> np.ndarray:
-        """Return the hand's velocity in its own axes, (6,)."""
+        """Return the hand's velocity in its own axes, (1, 6)."""
         config, wanted = self.config, motion.wanted
         towards = config.position_gain_s * (wanted.position - tool.position)
         turn = config.rotation_gain_s * rotation_error(tool.rotation, wanted.rotation)
         linear = limited(towards, motion.speed_m_s) + motion.feed_m_s
         angular = limited(turn, config.turn_speed_rad_s) + motion.feed_rad_s
-        return np.concatenate((tool.rotation.T @ linear, tool.rotation.T @ angular))
+        return np.concatenate((tool.rotation.T @ linear, tool.rotation.T @ angular))[None]
 
     def _trunk_qvel(self, snapshot: Snapshot, wanted: Frame) -> np.ndarray:
         """Towards the base pose and lift from which the arm in its posture would reach the wanted pose, (4,)."""
         error = self._stance.joints(wanted)[:TRUNK] - snapshot.robot_qpos[0, :TRUNK]
-        cos, sin = np.cos(snapshot.robot_qpos[0, 2]), np.sin(snapshot.robot_qpos[0, 2])
-        error[:2] = cos * error[0] + sin * error[1], cos * error[1] - sin * error[0]
         error[2] = np.arctan2(np.sin(error[2]), np.cos(error[2]))
-        trunk: np.ndarray = self.config.posture_gain_s * error
-        return trunk
+        return in_base_axes(snapshot, self.config.posture_gain_s * error)

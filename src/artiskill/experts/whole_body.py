@@ -96,7 +96,7 @@ class WholeBodyController:
         ranges = np.array([joint.range_rad for joint in arm.joints]) + inside
         free = np.array([(-np.inf, np.inf)] * _BASE)
         self._limits = np.concatenate((free, [robot.lift.range_m], *[ranges] * arms))  # (n, 2)
-        self._max_speed = self.scale.half_range[self.columns]
+        self.max_speed = self.scale.half_range[self.columns]
         trunk = [config.base_damping] * 2 + [config.yaw_damping, config.lift_damping]
         self._damping = np.array(trunk + [config.arm_damping] * (arms * self.arm_joints))
         self._drive_damping = robot.drives.arm_damping
@@ -121,8 +121,8 @@ class WholeBodyController:
         matrix = np.concatenate((self.jacobian(state) * weights[:, None], np.diag(self._damping)))
         target = np.concatenate((twists_w.reshape(-1) * weights, self._damping * posture_qvel))
         qpos = self.qpos(state)
-        lower = np.maximum(-self._max_speed, (self._limits[:, 0] - qpos) / state.step_s)
-        upper = np.minimum(self._max_speed, (self._limits[:, 1] - qpos) / state.step_s)
+        lower = np.maximum(-self.max_speed, (self._limits[:, 0] - qpos) / state.step_s)
+        upper = np.minimum(self.max_speed, (self._limits[:, 1] - qpos) / state.step_s)
         return bounded_least_squares(matrix, target, np.minimum(lower, 0.0), np.maximum(upper, 0.0))
 
     def pushing_velocities(self, state: RobotState, forces_w: np.ndarray) -> np.ndarray:
@@ -184,18 +184,23 @@ class WholeBodyController:
 def bounded_least_squares(
     matrix: np.ndarray, target: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> np.ndarray:
-    """Least squares within a box: violated bounds become active one round at a time, the rest is solved anew."""
+    """Least squares within a box, by an active set: violated bounds join it, needless ones leave."""
+    gram, rhs = matrix.T @ matrix, matrix.T @ target
     x = np.zeros(matrix.shape[1])
     free = np.ones(len(x), dtype=bool)
-    for _ in range(len(x)):
-        rest = target - matrix[:, ~free] @ x[~free]
-        columns = matrix[:, free]
-        x[free] = np.linalg.solve(columns.T @ columns, columns.T @ rest)
+    for _ in range(3 * len(x)):
+        if free.any():
+            bound = rhs[free] - gram[np.ix_(free, ~free)] @ x[~free]
+            x[free] = np.linalg.solve(gram[np.ix_(free, free)], bound)
         outside = free & ((x < lower - 1e-9) | (x > upper + 1e-9))
-        if not outside.any():
-            break
         x = np.clip(x, lower, upper)
-        free &= ~outside
-        if not free.any():
+        if outside.any():
+            free &= ~outside
+            continue
+        slope = gram @ x - rhs
+        inwards = np.where(free | (lower == upper), 0.0, np.where(x <= lower, -slope, slope))
+        worst = int(np.argmax(inwards))
+        if inwards[worst] <= 1e-9:
             break
-    return np.clip(x, lower, upper)
+        free[worst] = True
+    return x
