@@ -50,7 +50,7 @@ class Outcome:
 def taken_over(env: ManipulationEnv, name: str, target: str, level: int, beginner: str) -> Outcome:
     """Play one level; `env` has time for both."""
     env.reset(options={"object": name, "target": target, "level": level})
-    rng = np.random.default_rng([level, list(BEGINNERS).index(beginner)])
+    rng = np.random.default_rng([level, list(BEGINNERS).index(beginner), *f"{name} {target}".encode()])
     lean, expert = rng.normal(size=env.action_space.shape), make_expert(env.task.name, env.task.robot)
     begins = 0 if beginner == "nobody" else int(rng.integers(0, MOST_STEPS + 1))
     expert.reset(env.snapshot, env.goal)

@@ -196,3 +196,18 @@ def test_it_drives_what_it_holds_and_rests_at_the_target(env: ManipulationEnv) -
     resting = expert.command(with_hands(env.snapshot, env, 0.0, (0.01, 0.0)), env.goal)
     assert resting.phase == HOLD
     assert np.abs(resting.twists[:, :3]).max() < 0.02
+
+
+def test_arms_and_base_that_are_out_of_place_go_home_first(env: ManipulationEnv) -> None:
+    """The hands' twists are then those of joints that go to the arms' posture, away from the chair."""
+    expert = PushChairExpert(env.task.robot)
+    whole_body, near = expert.controller.whole_body, env.snapshot
+    qpos = near.robot_qpos.copy()
+    qpos[0, [4, 13]] += (-2.5, 2.5)
+    command = expert.command(dataclasses.replace(near, robot_qpos=qpos), env.goal)
+    assert command.phase == APPROACH
+    state = dataclasses.replace(near, robot_qpos=qpos)
+    twists_w = np.einsum("aij,akj->aki", state.tool_rotation_w[0], command.twists.reshape(2, 2, 3)).reshape(2, 6)
+    qvel = whole_body.joint_velocities(state, twists_w, expert.controller._posture_qvel(state, command))
+    assert qvel[4] > 1.5, "the right shoulder turns back"
+    assert qvel[11] < -1.5, "and the left one"

@@ -15,7 +15,7 @@ import numpy as np
 from artiskill.config import check_inside, check_not_negative, check_positive, check_vector
 from artiskill.experts.command import Command, CommandController, Grip, in_base_axes, in_hand_axes
 from artiskill.experts.frames import limited, ramp, rotation_error
-from artiskill.experts.whole_body import WholeBodyConfig, WholeBodyController
+from artiskill.experts.whole_body import TRUNK, WholeBodyConfig, WholeBodyController
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
 
@@ -39,6 +39,9 @@ _FLAT_M = (0.012, 0.005)  # distances from the wall of a hand's fingertips: like
 _OFF_ASIDE_M = (0.015, 0.05)  # hands keep their gap to the wall
 _OFF_RAD = (0.15, 0.45)  # likewise, by their orientation
 _FAR_ASIDE_M = (0.08, 0.2)  # hands move out first, then to their line
+_ASTRAY_ARM_RAD = (1.5, 2.2)  # an arm's joints from their posture: arms and base go home first
+_ASTRAY_YAW_RAD = (0.9, 1.5)  # likewise, the base from facing the hold
+_ASTRAY_M = (0.8, 1.3)  # likewise, from its place
 _WAIT_M = (0.04, 0.015)  # by so much nearer than the other hand, a hand waits
 _NEAR_GAP_M = (0.045, 0.02)  # the last bit to the wall
 
@@ -50,6 +53,7 @@ class PressingConfig:
     standoff_m: float  # fingertips that are not in line stay this far from the wall
     around_m: float  # hands that are far aside stay so much further away
     hold_distance_m: float  # from the robot's base to the object
+    back_m: float  # a robot whose arms are out of place stands so much further away
     position_gain_s: float  # hand velocity per position error
     rotation_gain_s: float  # hand angular velocity per orientation error
     posture_gain_s: float  # joint velocity per posture error
@@ -76,7 +80,9 @@ class PressingConfig:
         check_positive(self, "standoff_m", "hold_distance_m", "base_speed_m_s", "lead_m_s", "press_n", "spread_m")
         check_positive(self, "position_gain_s", "rotation_gain_s", "posture_gain_s", "turn_speed_rad_s")
         check_positive(self, "approach_speed_m_s", "close_speed_m_s", "touch_speed_m_s")
-        check_not_negative(self, "around_m", "finger_position_m", "lift_below_hand_m", "yaw_share", "pad_to_tip_m")
+        check_not_negative(
+            self, "around_m", "back_m", "finger_position_m", "lift_below_hand_m", "yaw_share", "pad_to_tip_m"
+        )
         check_inside("level_share", self.level_share, (0, 1))
         check_inside("roll_rad", self.roll_rad, (-math.pi, math.pi))
         check_vector(self, "arm_qpos_rad", size=7)
@@ -224,6 +230,7 @@ class View:
         errors: (2, 3) rotation vectors that turn the hands so that they point at their places.
         settled: share to which the places are those where the hands are.
         off: to which the hands are out of line and keep their gap.
+        astray: to which the robot first has to bring arms and base to where they can go in from.
         touch: to which they press.
         carry: to which they hold the object and move with it.
     """
@@ -237,6 +244,7 @@ class View:
     errors: np.ndarray
     settled: float = 0.0
     off: float = 1.0
+    astray: float = 0.0
     touch: float = 0.0
     carry: float = 0.0
 
@@ -288,10 +296,13 @@ class PressingHands:
             snapshot, view, velocity
         )
         twists = np.concatenate((linear, self._turn(snapshot, view, body)), axis=1)
+        trunk = self._trunk(snapshot, view, velocity)
+        if view.astray > 0.0:
+            twists += view.astray * (self._home_twists(snapshot, trunk) - twists)
         return Command(
             phase=phase,
             twists=in_hand_axes(snapshot, twists),
-            trunk_qvel=in_base_axes(snapshot, self._trunk(snapshot, view, velocity)),
+            trunk_qvel=in_base_axes(snapshot, trunk),
             arm_gain_s=(1 - view.touch) * config.posture_gain_s,  # arms that strive for it would press less
             grip=np.full(_ARMS, Grip.OPEN),
             width_m=np.full(_ARMS, config.finger_position_m),
@@ -325,7 +336,32 @@ class PressingHands:
         carry = touch * max(firm, body.held)
         turned = max(float(np.linalg.norm(error)) for error in view.errors)
         off = (1 - settled) * max(ramp(view.aside.max(), *_OFF_ASIDE_M), ramp(turned, *_OFF_RAD))
-        return replace(view, settled=settled, off=off, touch=touch, carry=carry)
+        astray = (1 - settled) * self._astray(snapshot, view)
+        return replace(view, settled=settled, off=off, touch=touch, carry=carry, astray=astray)
+
+    def _astray(self, snapshot: Snapshot, view: View) -> float:
+        """Return how far the robot is from where its hands can go in: its arms from their posture, or its base."""
+        arms = self.controller.whole_body.qpos(snapshot)[TRUNK:] - self.controller.arm_qpos_rad
+        farthest = float(np.linalg.norm(arms.reshape(_ARMS, -1), axis=1).max())
+        base, yaw = self._base_error(snapshot, view, view.middle, 0.0)
+        away = float(np.linalg.norm(base))
+        return max(ramp(farthest, *_ASTRAY_ARM_RAD), ramp(abs(yaw), *_ASTRAY_YAW_RAD), ramp(away, *_ASTRAY_M))
+
+    def _base_error(
+        self, snapshot: Snapshot, view: View, middle: np.ndarray, back_m: float
+    ) -> tuple[np.ndarray, float]:
+        """Return how the base is off its place before the hold, or so far back from there: (2,) and the yaw."""
+        place = middle[:2] - (self.config.hold_distance_m + back_m) * view.heading[:2]
+        yaw = math.atan2(view.heading[1], view.heading[0]) - float(snapshot.robot_qpos[0, 2])
+        return place - snapshot.robot_qpos[0, :2], math.remainder(yaw, math.tau)
+
+    def _home_twists(self, snapshot: Snapshot, trunk: np.ndarray) -> np.ndarray:
+        """Return twists (2, 6) of hands whose arms go to their posture while the trunk moves as it likes."""
+        body = self.controller.whole_body
+        arms = self.config.posture_gain_s * (self.controller.arm_qpos_rad - body.qpos(snapshot)[TRUNK:])
+        arms = np.clip(arms, -self.config.turn_speed_rad_s, self.config.turn_speed_rad_s)
+        found: np.ndarray = (body.jacobian(snapshot) @ np.concatenate((trunk, arms))).reshape(_ARMS, 6)
+        return found
 
     def _uneven(self, snapshot: Snapshot, body: Body, press: Press) -> float:
         """Return by how much the distances of a hand's fingertips from the wall differ, m; 0 if they may."""
@@ -380,12 +416,11 @@ class PressingHands:
 
     def _trunk(self, snapshot: Snapshot, view: View, velocity: np.ndarray) -> np.ndarray:
         """Return velocities (4,) towards base pose and lift from which the hands reach the object with ease."""
-        config, qpos = self.config, snapshot.robot_qpos[0, :4]
+        config = self.config
         hands = snapshot.tool_position_w[0].mean(axis=0)
         middle = view.middle + view.carry * (hands - view.middle)
-        base = middle[:2] - config.hold_distance_m * view.heading[:2] - qpos[:2]
-        yaw = math.remainder(math.atan2(view.heading[1], view.heading[0]) - qpos[2], math.tau)
-        lift = max(0.0, middle[2] - config.lift_below_hand_m) - qpos[3]
+        base, yaw = self._base_error(snapshot, view, middle, view.astray * config.back_m)
+        lift = max(0.0, middle[2] - config.lift_below_hand_m) - float(snapshot.robot_qpos[0, TRUNK - 1])
         trunk = config.posture_gain_s * np.array((*base, yaw, lift))
         trunk[:2] = limited(trunk[:2], config.base_speed_m_s) + view.carry * velocity[:2]
         trunk[3] = (1 - view.touch) * trunk[3] + view.carry * velocity[2]
