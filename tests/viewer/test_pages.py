@@ -249,3 +249,35 @@ def test_findings_are_told_and_stand_where_they_are(server: Any, monkeypatch: py
     assert server.scene.get_handle_by_name("/scene/object/link_2/fault") is None
     assert faults_of_links(results, ["link_0", "link_2"]) == {"link_0": [""]}
     assert findings_text(results[3:]) == "1 results, no fault."
+
+
+def test_a_person_drives(server: Any, page: EpisodePage) -> None:
+    page.player.step(3)
+    assert server.scene.get_handle_by_name("/hand-0") is None
+    use(widget(server, "Checkbox", "drive"), True)
+    page.update()
+    hand = page.player.timeline.hand  # type: ignore[attr-defined]
+    assert page.player.timeline.by_hand  # type: ignore[attr-defined]
+    gizmo = server.scene.get_handle_by_name("/hand-0")
+    tool, up = page.player.moment.context.snapshot.tool_position_w[0, 0], np.array((0.0, 0.0, 0.06))
+    np.testing.assert_allclose(gizmo.position, tool, atol=1e-6)
+    gizmo._impl.position = tool + up
+    for callback in gizmo._impl_aux.update_cb:
+        callback(SimpleNamespace(client_id=PERSON, client=None, target=gizmo))
+    use(widget(server, "Slider", "fingers (mm)"), 10)
+    page.update()
+    np.testing.assert_allclose(hand.positions_w[0], tool + up, atol=1e-6)
+    page.player.step(40)
+    snapshot = page.player.moment.context.snapshot
+    np.testing.assert_allclose(snapshot.tool_position_w[0, 0], hand.positions_w[0], atol=0.01)
+    np.testing.assert_allclose(snapshot.robot_qpos[0, -2:], 0.01, atol=1e-3)
+    for callback in widget(server, "Button", "up")._button_impl.hold_cbs_from_freq[10.0]:
+        callback(SimpleNamespace(client_id=PERSON, client=None))
+    page.update()
+    page.player.step(5)
+    page.show()
+    np.testing.assert_allclose(gizmo.position, hand.positions_w[0], atol=1e-6)
+    use(widget(server, "Checkbox", "drive"), False)
+    page.update()
+    assert server.scene.get_handle_by_name("/hand-0") is None
+    assert not page.player.timeline.by_hand  # type: ignore[attr-defined]

@@ -20,7 +20,7 @@ from artiskill.files import atomic_write, check_output_folder, output_path
 from artiskill.sensors.pictures.framing import framing_camera
 from artiskill.sensors.render_config import load_render_config
 from artiskill.viewer import serving
-from artiskill.viewer.playback import SPEEDS, Moment, Player, Timeline, reward_text, state_text
+from artiskill.viewer.playback import SPEEDS, LiveEpisode, Moment, Player, Timeline, reward_text, state_text
 from artiskill.viewer.scene_view import (
     LAYERS,
     PICTURES,
@@ -37,6 +37,18 @@ _SENSORS_PER_S, _TEXT_PER_S, _UPDATES_PER_S = 5.0, 10.0, 60.0
 _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f7f7f", "#000000")
 # from where scenes are looked at first: cabinets face -x, and robots stand before them
 _DIRECTION_DEG, _SIZE_PX = (226.0, 22.0), (640, 480)
+# buttons that drive the trunk: shares of the greatest velocity forward, to the left, of yaw and of the lift
+_WAYS = {
+    "forward": (0.6, 0.0, 0.0, 0.0),
+    "back": (-0.6, 0.0, 0.0, 0.0),
+    "left": (0.0, 0.6, 0.0, 0.0),
+    "right": (0.0, -0.6, 0.0, 0.0),
+    "turn left": (0.0, 0.0, 0.2, 0.0),
+    "turn right": (0.0, 0.0, -0.2, 0.0),
+    "up": (0.0, 0.0, 0.0, 0.4),
+    "down": (0.0, 0.0, 0.0, -0.4),
+}
+_OPEN_MM, _GIZMO_M = 40, 0.25  # a finger from the middle; the size of a gizmo
 _LAST_S = 1.0  # for which a replay stays at its end
 _CLIENT_TITLE = "<title>Viser</title>"
 
@@ -83,12 +95,14 @@ class EpisodePage:
         self._sensors: SensorView | None = None
         self._next_s = {"sensors": 0.0, "text": 0.0}
         self._is_shown = False
+        self._gizmos: list[Any] = []
         self.frames = 0
         self.player = Player(picker.load())
         self.view = self._enter()
         _add_stage(server, self.player.timeline)
         self._show_poses(self.player.moment)
         self._add_panel()
+        self._hand_folder.visible = isinstance(self.player.timeline, LiveEpisode)
         self.show()
         if plays:
             self.player.play()
@@ -112,8 +126,11 @@ class EpisodePage:
         except (ArtiSkillError, IndexError) as error:
             self._title.content = f"**error:** {html.escape(str(error))}"
             return
+        self.player.timeline.close()
         layers, speed = self.view.shown, self.player.speed
         self.view.remove()
+        self._remove_gizmos()
+        self._by_hand.value = False
         if self._sensors is not None:
             self._sensors.remove()
             self._sensors = None
@@ -125,6 +142,7 @@ class EpisodePage:
         self.view.show_surfaces(self._surfaces.value)
         self._title.content = _title(timeline)
         self._plot.series = self._series()
+        self._hand_folder.visible = isinstance(timeline, LiveEpisode)
         if self._plays:
             self.player.play()
         self.show()
@@ -147,6 +165,13 @@ class EpisodePage:
     def _show_poses(self, moment: Moment) -> None:
         snapshot = moment.context.snapshot
         self.view.set_poses(snapshot.body_position_w[0], snapshot.body_quaternion_w[0])
+        if self._gizmos and self._live().hand.has_moved_on:  # else a person may be moving them
+            hand = self._live().hand
+            hand.has_moved_on = False
+            for gizmo, position, quaternion in zip(
+                self._gizmos, hand.positions_w, hand.quaternions_w, strict=True
+            ):
+                gizmo.position, gizmo.wxyz = position, quaternion
 
     def _is_due(self, what: str, per_s: float) -> bool:
         now = time.monotonic()
@@ -202,6 +227,8 @@ class EpisodePage:
         with gui.add_folder("playback"):
             self._add_playback(gui)
         self._state = gui.add_markdown("")
+        with gui.add_folder("by hand", expand_by_default=False, visible=False) as self._hand_folder:
+            self._add_hand(gui)
         with gui.add_folder("robot's cameras"):
             self._pictures = gui.add_dropdown("pictures", PICTURES, initial_value=PICTURES[0])
             self._cloud = gui.add_checkbox("point cloud", initial_value=False)
@@ -240,6 +267,58 @@ class EpisodePage:
         buttons.on_click(lambda event: from_browser(event, self.do, partial(press, event.target.value)))
         self._slider.on_update(lambda event: from_browser(event, self.do, partial(seek, int(event.target.value))))
         speeds.on_update(lambda event: from_browser(event, self.do, lambda: self.player.set_speed(speeds.value)))
+
+    def _add_hand(self, gui: Any) -> None:
+        """Add what a person drives with: a switch, a button for each way, the fingers."""
+        self._by_hand = gui.add_checkbox("drive", initial_value=False, hint="from the step that is shown")
+        self._by_hand.on_update(lambda event: from_browser(event, self.do, self._switch_hand))
+        for name, share in _WAYS.items():
+            button = gui.add_button(name, hint="hold it")
+            button.on_hold(lambda event, share=share: self.do(partial(self._push, share)), callback_hz=10.0)
+        self._fingers = gui.add_slider("fingers (mm)", 0, _OPEN_MM, 1, _OPEN_MM)
+        self._fingers.on_update(lambda event: from_browser(event, self.do, self._set_fingers))
+
+    def _switch_hand(self) -> None:
+        """Take over from the step that is shown, or hand back there."""
+        timeline = self._live()
+        timeline.take_over(self.player.position, self._by_hand.value)
+        self._set_fingers()
+        self._remove_gizmos()
+        if self._by_hand.value:
+            self._gizmos = [self._add_gizmo(arm) for arm in range(len(timeline.hand.positions_w))]
+        self.player.play()
+        self.show()
+
+    def _add_gizmo(self, arm: int) -> Any:
+        """Return a gizmo at a hand; where it is moved to, the hand goes."""
+        hand = self._live().hand
+        gizmo = self._server.scene.add_transform_controls(
+            f"/hand-{arm}", scale=_GIZMO_M, depth_test=False, position=hand.positions_w[arm]
+        )
+        gizmo.wxyz = hand.quaternions_w[arm]
+
+        def follow() -> None:
+            hand.positions_w[arm], hand.quaternions_w[arm] = gizmo.position, gizmo.wxyz
+
+        gizmo.on_update(lambda event: from_browser(event, self.do, follow))
+        return gizmo
+
+    def _remove_gizmos(self) -> None:
+        for gizmo in self._gizmos:
+            gizmo.remove()
+        self._gizmos = []
+
+    def _push(self, share: Sequence[float]) -> None:
+        if self._by_hand.value:
+            self._live().hand.push(share)
+
+    def _set_fingers(self) -> None:
+        self._live().hand.opening_m = self._fingers.value / 1000.0
+
+    def _live(self) -> LiveEpisode:
+        timeline = self.player.timeline
+        assert isinstance(timeline, LiveEpisode), "only live episodes are driven"
+        return timeline
 
     def _add_layers(self, gui: Any) -> None:
         self._surfaces = gui.add_checkbox("surfaces", initial_value=True)
@@ -283,10 +362,13 @@ class EpisodePage:
 
     def run(self) -> None:
         """Show the episode until the process is interrupted."""
-        while True:
-            started = time.monotonic()
-            self.update()
-            time.sleep(max(0.001, 1.0 / _UPDATES_PER_S - (time.monotonic() - started)))
+        try:
+            while True:
+                started = time.monotonic()
+                self.update()
+                time.sleep(max(0.001, 1.0 / _UPDATES_PER_S - (time.monotonic() - started)))
+        finally:
+            self.player.timeline.close()
 
 
 def _caption(moment: Moment) -> str:

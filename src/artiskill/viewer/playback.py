@@ -1,10 +1,10 @@
-"""Episodes as timelines of moments, and `Player`, which decides which moment is shown; no browser is needed.
+"""Episodes as timelines of moments, a person who acts, and `Player`, which decides what is shown; no browser.
 
 A live episode grows while it is watched; a demonstration has all of its steps. Both can be scrubbed through.
 """
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -14,16 +14,24 @@ from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.demos.demo_file import DemoFile, Trajectory
 from artiskill.demos.demonstrator import FAULTS, fault_text
 from artiskill.demos.recording import digest_of
+from artiskill.envs.control import OPERATIONAL, Control
 from artiskill.envs.core import ObservationContext
 from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.envs.state import EnvState
 from artiskill.errors import DemoError, PolicyError, check_name
 from artiskill.evaluation.pictures import EpisodeChoice
 from artiskill.evaluation.policies import Actor, load_policy
+from artiskill.geometry.rotations import quat_conjugate, quat_from_matrix, quat_multiply, quat_to_rotation_vector
+from artiskill.robots.operational_space import TRUNK
 from artiskill.scene.scene import Scene
+from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.levels import check_level
 from artiskill.tasks.task import Task
 
 SPEEDS = {"1/8": 0.125, "1/4": 0.25, "1/2": 0.5, "1": 1.0, "2": 2.0, "4": 4.0}  # times as fast as life
+# share of a hand's way that it is asked to go per second, and of its greatest velocity that it is asked for
+_HAND_GAIN_S, _HAND_SHARE = 4.0, 0.5
+_PUSH_STEPS, _BRAKE_STEPS = 3, 2  # for which a push drives the trunk, and in which it then comes to rest
 _MOST_DUE = 8  # steps that one update catches up with; who is slower falls behind
 _YES, _NO = "\u2611", "\u2610"  # ballot boxes, with and without a check
 SOLVED, NOT_SOLVED = "solved", "not solved"
@@ -40,6 +48,7 @@ class Moment:
         flags: condition -> whether it counts by now.
         progress: how far the episode has come, as captions say it; empty where the task says nothing.
         end: `solved`, `not solved` or what went wrong, if the episode ends here; else empty.
+        state: what the episode can be gone on with from here.
     """
 
     context: ObservationContext
@@ -48,6 +57,7 @@ class Moment:
     flags: Mapping[str, bool]
     progress: str
     end: str
+    state: EnvState
 
 
 def state_text(moment: Moment) -> str:
@@ -91,12 +101,93 @@ class Timeline(Protocol):
     def extend(self) -> None:
         """Take one more step, where the timeline is not complete."""
 
+    def close(self) -> None:
+        """End what belongs to the episode: a solution's process, say."""
+
+
+class HandActor(Actor):
+    """A person who drives the robot: hands go to poses, the trunk goes where it is pushed.
+
+    Actions come about through the control mode `operational_space`, whichever the environment has.
+
+    Args:
+        env: whose robot is driven.
+
+    Attributes:
+        positions_w: (A, 3) where the hands shall be.
+        quaternions_w: (A, 4) likewise.
+        opening_m: of all fingers, each from the middle.
+        has_moved_on: whether the wanted poses have gone with the trunk; who has seen it sets it back.
+    """
+
+    name = "by hand"
+
+    def __init__(self, env: ManipulationEnv) -> None:
+        self._control = Control(env.task.robot, OPERATIONAL)
+        self._trunk_share, self._steps = np.zeros(TRUNK), 0
+        self.opening_m = float(self._control.scale.center[-1])
+        self._stay(env.snapshot)
+
+    def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
+        """Begin where the robot is, and stay there."""
+        self._steps = 0
+        self._stay(env.snapshot)
+
+    def _stay(self, snapshot: Snapshot) -> None:
+        self.has_moved_on = True
+        self.positions_w = snapshot.tool_position_w[0].copy()
+        self.quaternions_w = np.stack([quat_from_matrix(turn) for turn in snapshot.tool_rotation_w[0]])
+
+    def push(self, trunk_share: Sequence[float]) -> None:
+        """Push the trunk for a moment; the hands go with it.
+
+        Args:
+            trunk_share: (4,) base forward, to its left, yaw to the left and lift, shares of the greatest velocity.
+        """
+        self._trunk_share, self._steps = np.asarray(trunk_share, dtype=float), _PUSH_STEPS + _BRAKE_STEPS
+
+    def act(self, env: ManipulationEnv, observation: Any) -> np.ndarray:
+        """Return the next action, (A,)."""
+        snapshot, scale = env.snapshot, self._control.scale
+        values = scale.center.copy()
+        arms = values[TRUNK:].reshape(len(self.positions_w), -1)
+        arms[:, -2:] = self.opening_m
+        if self._steps:
+            if self._steps > _BRAKE_STEPS:
+                values[:TRUNK] = self._trunk_share * scale.half_range[:TRUNK]
+            self._steps -= 1
+            self._stay(snapshot)
+        else:
+            arms[:, :6] = self._twists(snapshot)
+        targets = self._control.to_targets(scale.to_actions(values)[None], snapshot)
+        action: np.ndarray = env.control.to_actions(targets, snapshot)[0]
+        return action
+
+    def close(self) -> None:
+        """Do nothing: a person has no process."""
+        return
+
+    def _twists(self, snapshot: Snapshot) -> np.ndarray:
+        """Return (A, 6) velocities, in the hands' own axes, that lead towards the wanted poses."""
+        turns = snapshot.tool_rotation_w[0]
+        back = np.stack([quat_conjugate(quat_from_matrix(turn)) for turn in turns])
+        linear = np.einsum("aji,aj->ai", turns, self.positions_w - snapshot.tool_position_w[0])
+        angular = quat_to_rotation_vector(quat_multiply(back, self.quaternions_w))
+        twists = _HAND_GAIN_S * np.concatenate((linear, angular), axis=1)
+        half = self._control.scale.half_range[TRUNK:].reshape(len(turns), -1)[:, :6]
+        excess = np.abs(twists / half).max(axis=1, keepdims=True)
+        return twists / np.maximum(excess / _HAND_SHARE, 1.0)  # slower, but in the same direction
+
 
 class LiveEpisode(Timeline):
-    """An episode that a policy plays while it is watched.
+    """An episode that a policy plays while it is watched; a person can take over at any step, and hand back.
 
     Args:
         choice: which episode, and who acts.
+
+    Attributes:
+        hand: what a person asks for.
+        by_hand: whether a person acts.
 
     Raises:
         UnknownNameError: an unknown task, object, target link or policy.
@@ -111,6 +202,7 @@ class LiveEpisode(Timeline):
         self._env = choice.make_env(self._actor)
         self._observation, info = self._env.reset(options={"level": level})
         self._actor.reset(self._env, self._observation, info)
+        self.hand, self.by_hand = HandActor(self._env), False
         self.task, self.scene, self.target = self._env.task, self._env.scene, info["target"]
         self.title = f"{self.task.name}: {info['object']}, {self.target}, level {level}, {choice.policy}"
         self.is_complete = False
@@ -127,7 +219,7 @@ class LiveEpisode(Timeline):
         """Let the policy take one more step; its errors and the physics' end the episode."""
         reward, end = 0.0, ""
         try:
-            action = self._actor.act(self._env, self._observation)
+            action = (self.hand if self.by_hand else self._actor).act(self._env, self._observation)
             self._observation, reward, terminated, truncated, info = self._env.step(action)
         except (PolicyError, *FAULTS) as error:
             self.is_complete = True
@@ -136,6 +228,25 @@ class LiveEpisode(Timeline):
         if terminated or truncated:
             self.is_complete, end = True, SOLVED if info["success"] else NOT_SOLVED
         self._moments.append(_moment(self._env, reward, info, end))
+
+    def close(self) -> None:
+        """End what belongs to the policy."""
+        self._actor.close()
+
+    def take_over(self, step: int, by_hand: bool) -> None:
+        """Go on from a step with a person or the policy; what came after it is forgotten.
+
+        Raises:
+            PolicyError: the policy cannot begin there.
+        """
+        del self._moments[step + 1 :]
+        last = self._moments[-1]
+        self._observation, info = self._env.restore_state(last.state)
+        self.by_hand = by_hand
+        self.is_complete = info["success"] or last.state.elapsed >= self.task.config.episode_steps
+        if not self.is_complete and last.end:  # a fault, of which there may be none now
+            self._moments[-1] = replace(last, end="")
+        (self.hand if by_hand else self._actor).reset(self._env, self._observation, info)
 
 
 class RecordedEpisode(Timeline):
@@ -174,6 +285,10 @@ class RecordedEpisode(Timeline):
 
     def extend(self) -> None:
         """Do nothing: all steps are there."""
+
+    def close(self) -> None:
+        """Do nothing: nobody acts."""
+        return
 
     def _restore_from(self, step: int) -> None:
         """Simulate from the last stored state up to the next one; its moments are kept."""
@@ -231,6 +346,7 @@ def _moment(env: ManipulationEnv, reward: float, info: Mapping[str, Any], end: s
         flags=dict(info["flags"]),
         progress="" if describe is None else describe(env.snapshot, env.goal),
         end=end,
+        state=state,
     )
 
 
