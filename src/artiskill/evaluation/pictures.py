@@ -10,7 +10,7 @@ from PIL import Image
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object, resolve_objects
-from artiskill.config import check
+from artiskill.config import check, merge_overrides
 from artiskill.demos.demo_file import DemoFile, Trajectory
 from artiskill.envs.control import JOINT
 from artiskill.envs.core import ObservationContext
@@ -71,7 +71,7 @@ class EpisodeChoice:
             target=self.target,
             obs_mode=getattr(actor, "obs_mode", None) or "state",
             control_mode=getattr(actor, "control_mode", None) or JOINT,
-            config=self.config,
+            config=merge_overrides(getattr(actor, "observation_config", None) or {}, self.config),
         )
         sampling = getattr(actor, "sampling", None)
         if sampling is not None:  # the wrapper changes the environment itself
