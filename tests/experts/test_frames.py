@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from artiskill.experts.frames import curved
+from artiskill.experts.frames import axis_rotation, curved, rotation_error
+from artiskill.geometry.rotations import quat_from_axis_angle, quat_to_matrix
 
 
 def test_no_curve_changes_no_bit() -> None:
@@ -19,3 +20,16 @@ def test_a_curve_keeps_the_speed_and_comes_nearer(angle: float) -> None:
     assert turned @ velocity > 0
     across = velocity[0] * turned[1] - velocity[1] * turned[0]
     assert np.sign(across) == np.sign(angle), "counter-clockwise"
+
+
+@pytest.mark.parametrize("angle_rad", [0.0, 1e-9, 1e-5, 1e-4, 0.3, 2.0, 3.0, np.pi - 1e-5, np.pi - 1e-9])
+def test_an_error_is_the_rotation_vector_that_mends_it(angle_rad: float, rng: np.random.Generator) -> None:
+    """Against the quaternions of `geometry`."""
+    for _ in range(10):
+        axis = rng.normal(size=3)
+        current = axis_rotation(rng.normal(size=3), rng.uniform(-3, 3))
+        np.testing.assert_allclose(
+            axis_rotation(axis, angle_rad), quat_to_matrix(quat_from_axis_angle(axis, angle_rad)), atol=1e-14
+        )
+        found = rotation_error(current, axis_rotation(axis, angle_rad) @ current)
+        np.testing.assert_allclose(found, angle_rad * axis / np.linalg.norm(axis), atol=1e-9)

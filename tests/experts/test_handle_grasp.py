@@ -15,11 +15,15 @@ from artiskill.experts.handle_grasp import (
     StanceConfig,
     approach_point,
     grasp_pose,
+    leaning,
     nearest_roll,
+    tilt_of,
+    tilted,
 )
 from artiskill.experts.open_cabinet import OpenCabinetExpertConfig
 
 LAST, REST_RAD = 10, 0.78
+CONFIG = load_config(OpenCabinetExpertConfig, CONFIG_DIR / "experts" / "open_cabinet.yaml").grip
 DEFAULT = GraspConfig(0.0, 0.0, 0.0, 0.0)
 
 
@@ -109,14 +113,25 @@ def test_a_long_roll_is_asked_for_in_parts(env: ManipulationEnv) -> None:
         assert abs(np.arctan2(relative[1, 0], relative[0, 0])) < 2.0
 
 
-def test_it_leans(env: ManipulationEnv) -> None:
-    upright, leaning = pose(env, DEFAULT), pose(env, GraspConfig(0.0, 0.0, 0.1, -0.2))
+def test_it_leans() -> None:
+    upright, config = Frame(np.zeros(3), np.eye(3)), GraspConfig(0.0, 0.0, 0.1, -0.2)
     sine = np.sin(0.1), np.sin(-0.2)
     np.testing.assert_allclose(
-        upright.rotation.T @ leaning.forward,
+        leaning(upright, config, 0.0).forward,
         (sine[1], -sine[0] * np.cos(0.2), np.cos(0.1) * np.cos(0.2)),
         atol=1e-12,
     )
+    assert leaning(upright, DEFAULT, 0.0) is upright
+    assert leaning(upright, config, 0.5) is upright, "low things leave no room"
+
+
+def test_a_low_hand_comes_from_above() -> None:
+    assert tilt_of(0.5, 0.42, CONFIG) == 0.0
+    tilt = tilt_of(0.1, 0.42, CONFIG)
+    assert np.sin(tilt) == pytest.approx(0.32 / CONFIG.arm_reach_m)
+    hand = tilted(Frame(np.zeros(3), HEAD_ON), tilt)
+    assert hand.forward[2] == pytest.approx(-np.sin(tilt))
+    np.testing.assert_allclose(hand.rotation.T @ hand.rotation, np.eye(3), atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -187,7 +202,6 @@ def test_illegal_values_of_a_stance() -> None:
         StanceConfig(2.0, 0.0, 0.0)
 
 
-CONFIG = load_config(OpenCabinetExpertConfig, CONFIG_DIR / "experts" / "open_cabinet.yaml").grip
 WIDTH_M, WIDE_M = 0.01, 0.036
 
 

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from artiskill.config import check_positive, check_value
-from artiskill.experts.frames import Frame, axis_rotation, rotation_error, yaw_rotation
+from artiskill.experts.frames import Frame, axis_rotation, ramp, rotation_error, yaw_rotation
 from artiskill.experts.whole_body import TRUNK
 from artiskill.robots.config import RobotConfig
 from artiskill.robots.kinematics import RobotKinematics
@@ -30,6 +30,7 @@ _LEAST_HEIGHT_M = 0.3  # of a detour: the forearm stays above the floor
 _MOST_BEARING_RAD = 1.0
 _SWING = 1  # the arm's joint that swings it sideways, about the vertical, at its rest posture
 _MAX_TILT_SINE = 0.7
+_MOST_TILTED_RAD = 0.3  # a hand that is tilted so far leans no more
 # Costs of a grasp, per radian: the last joint's way from where it would be by the configuration, its way from
 # where it is (so that a hand that has begun to roll goes on), and its distance from the middle of its range.
 _STRANGE, _FAR, _TWISTED = 1.0, 0.5, 0.3
@@ -192,12 +193,17 @@ def grasp_pose(
     position = snapshot.link_position_w[0, link] + rotation @ point
     candidates = rotation @ goal.grasp_rotations[0]
     now = float(snapshot.robot_qpos[0, last_joint])
-    turned = nearest_roll(candidates, snapshot.tool_rotation_w[0, 0], now, rest_rad + config.roll_rad)
-    if config.lean_along_rad:
-        turned = turned @ axis_rotation(_X, config.lean_along_rad)
-    if config.lean_across_rad:
-        turned = turned @ axis_rotation(_Y, config.lean_across_rad)
-    return Frame(position, turned)
+    tool = snapshot.tool_rotation_w[0, 0]
+    return Frame(position, nearest_roll(candidates, tool, now, rest_rad + config.roll_rad))
+
+
+def leaning(frame: Frame, config: GraspConfig, tilt_rad: float) -> Frame:
+    """Return a pose whose hand leans; one that is tilted, for something low, has less room to."""
+    share = ramp(tilt_rad, _MOST_TILTED_RAD, 0.0)
+    if not share or not (config.lean_along_rad or config.lean_across_rad):
+        return frame
+    lean = axis_rotation(_X, share * config.lean_along_rad) @ axis_rotation(_Y, share * config.lean_across_rad)
+    return Frame(frame.position, frame.rotation @ lean)
 
 
 def nearest_roll(candidates: np.ndarray, tool: np.ndarray, now_rad: float, wanted_rad: float) -> np.ndarray:
@@ -237,19 +243,23 @@ def _shift(goal: CabinetGoal, share: float) -> np.ndarray:
     return found
 
 
-def tilted(frame: Frame, rest_height_m: float, config: GripConfig) -> Frame:
-    """Return a pose whose hand comes from above, for heights below the lift's lowest reach.
+def tilt_of(height_m: float, rest_height_m: float, config: GripConfig) -> float:
+    """Return by how much a hand comes from above, for heights below the lift's lowest reach.
 
     Args:
-        frame: the pose, not pointing straight up or down.
+        height_m: of the tool.
         rest_height_m: of the tool over the lift, the arm being at rest.
         config: values.
     """
-    drop = float(np.clip((rest_height_m - frame.position[2]) / config.arm_reach_m, 0.0, _MAX_TILT_SINE))
-    if drop <= 0:
+    return math.asin(min(max((rest_height_m - height_m) / config.arm_reach_m, 0.0), _MAX_TILT_SINE))
+
+
+def tilted(frame: Frame, tilt_rad: float) -> Frame:
+    """Return a pose whose hand, which does not point straight up or down, comes from above."""
+    if not tilt_rad:
         return frame
     x, y, _ = frame.forward
-    return Frame(frame.position, axis_rotation(np.array((-y, x, 0.0)), math.asin(drop)) @ frame.rotation)
+    return Frame(frame.position, axis_rotation(np.array((-y, x, 0.0)), tilt_rad) @ frame.rotation)
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,8 +24,10 @@ from artiskill.experts.handle_grasp import (
     approach_point,
     grasp_pose,
     hand_at_handle,
+    leaning,
     nearest_roll,
     rest_posture,
+    tilt_of,
     tilted,
 )
 from artiskill.experts.whole_body import TRUNK, WholeBodyConfig, WholeBodyController
@@ -149,7 +151,9 @@ class OpenCabinetExpert:
 
     def _look(self, snapshot: Snapshot, goal: CabinetGoal) -> _Situation:
         config, last = self.config, self._last_joint
-        grasp = self._tilted(grasp_pose(config.grasp, snapshot, goal, last, float(self._stance.arm[-1])))
+        grasp = grasp_pose(config.grasp, snapshot, goal, last, float(self._stance.arm[-1]))
+        tilt = self._tilt_rad(grasp)
+        grasp = tilted(leaning(grasp, config.grasp, tilt), tilt)
         stop = goal.open_qpos[0] + config.overshoot * (goal.upper[0] - goal.open_qpos[0])
         width = float(goal.grasp_width_m[0])
         return _Situation(
@@ -162,9 +166,9 @@ class OpenCabinetExpert:
             left=float(stop - snapshot.object_qpos[0, int(goal.joint[0])]),
         )
 
-    def _tilted(self, frame: Frame) -> Frame:
-        """Return a pose whose hand comes from above where that is low."""
-        return tilted(frame, self._stance.tool_offset[2], self.config.grip)
+    def _tilt_rad(self, frame: Frame) -> float:
+        """Return by how much a hand comes from above where it is low."""
+        return tilt_of(float(frame.position[2]), float(self._stance.tool_offset[2]), self.config.grip)
 
     def _phase(self, now: _Situation) -> CabinetPhase:
         """Return which part of the work a state belongs to."""
@@ -228,7 +232,8 @@ class OpenCabinetExpert:
         last = float(now.snapshot.robot_qpos[0, self._last_joint])
         rotation = nearest_roll(np.stack((rotation, rotation @ _HALF_TURN)), now.tool.rotation, last, last)
         upright = abs(door.axis[2]) > _UPRIGHT  # else it points up or down as the flap asks
-        return self._tilted(Frame(door.hinge, rotation)).rotation if upright else rotation
+        hand = Frame(door.hinge, rotation)
+        return tilted(hand, self._tilt_rad(hand)).rotation if upright else rotation
 
     def _twist(self, tool: Frame, motion: Motion) -> np.ndarray:
         """Return the hand's velocity in its own axes, (1, 6)."""
