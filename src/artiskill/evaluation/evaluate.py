@@ -229,14 +229,25 @@ def run_episode(
     except FAULTS as error:
         fault = fault_text(error)
         on_step(env, steps, True)
-    flags = dict.fromkeys(info["flags"], False) if fault else dict(info["flags"])
+    return _outcome(env, info, actions, steps, reward_sum, fault)
+
+
+def _outcome(
+    env: ManipulationEnv,
+    info: Mapping[str, Any],
+    actions: Sequence[np.ndarray],
+    steps: int,
+    reward_sum: float,
+    fault: str,
+) -> EpisodeResult:
+    """Return the outcome of an episode that has just ended; `info` is the last one."""
     return EpisodeResult(
         info["object"],
         info["target"],
-        level,
+        info["level"],
         success=info["success"],  # which ends an episode: one that a fault ends has not come to it
         length=steps,
-        flags=flags,
+        flags=dict.fromkeys(info["flags"], False) if fault else dict(info["flags"]),
         fault=fault,
         reward_sum=reward_sum,
         digest="" if fault else final_digest(env.save_state()),
