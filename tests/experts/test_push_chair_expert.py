@@ -8,9 +8,9 @@ import pytest
 from artiskill.assets.catalog import list_objects, load_object
 from artiskill.config import CONFIG_DIR, load_config
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.experts.pressing import Press
 from artiskill.experts.push_chair import PushChairExpert, PushChairExpertConfig, choose_press, seat_body
 from artiskill.experts.variation import load_variation, varied
+from artiskill.experts.walls import Press
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.grasp_candidates import seat_of
 

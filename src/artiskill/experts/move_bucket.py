@@ -18,7 +18,8 @@ from artiskill.config import (
 )
 from artiskill.experts.command import Command
 from artiskill.experts.frames import curved, limited, ramp
-from artiskill.experts.pressing import Body, Press, PressingConfig, PressingHands, View, Wall, wall_of
+from artiskill.experts.pressing import Body, PressingConfig, PressingHands, View
+from artiskill.experts.walls import Press, Wall, wall_of
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.grasp_candidates import OUTLINE_LEVELS
@@ -106,7 +107,6 @@ class MoveBucketExpert:
         body = Body(
             position,
             snapshot.link_rotation_w[0, 0],
-            snapshot.root_velocity_w[0, :3],
             wall,
             held=ramp(position[2] + goal.box[0, 0, 2], *_LIFTED_M),
         )

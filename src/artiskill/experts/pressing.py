@@ -8,13 +8,13 @@ as the gap closes; once they hold it they go with the object. So what slips out 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
 from artiskill.config import check_inside, check_not_negative, check_positive, check_vector
 from artiskill.experts.command import Command, CommandController, Grip, in_base_axes, in_hand_axes
 from artiskill.experts.frames import limited, ramp, rotation_error
+from artiskill.experts.walls import Press, Wall
 from artiskill.experts.whole_body import TRUNK, WholeBodyConfig, WholeBodyController
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
@@ -23,10 +23,6 @@ _ARMS = 2
 _UP = np.array((0.0, 0.0, 1.0))
 _SIDES = np.array((-1.0, 1.0))  # the first arm is the right one; the hands' axis points from right to left
 _MOST_PITCH_RAD = 0.5  # hands turn so far from level for the object's sake
-_CACHED_WALLS = 256
-_DIRECTIONS = 72  # of presses, every five degrees
-_HALF_HAND_M = 0.035  # half the width of a hand whose fingers are one above the other
-_HAND_TO_TIP_M = 0.045  # how far fingertips are ahead of their hand
 
 # Where a measure counts for nothing, and where in full (`ramp`)
 _HELD_GAP_M = (0.05, 0.025)  # fingertips to the wall: the press stays where the hands are
@@ -54,6 +50,7 @@ class PressingConfig:
     around_m: float  # hands that are far aside stay so much further away
     hold_distance_m: float  # from the robot's base to the object
     back_m: float  # a robot whose arms are out of place stands so much further away
+    up_m: float  # and holds them so much higher
     position_gain_s: float  # hand velocity per position error
     rotation_gain_s: float  # hand angular velocity per orientation error
     posture_gain_s: float  # joint velocity per posture error
@@ -62,7 +59,7 @@ class PressingConfig:
     close_speed_m_s: float  # of the hands, from the standoff to the wall
     touch_speed_m_s: float  # of the hands, the last bit to the wall
     press_n: float  # force of each hand once both touch
-    lead_m_s: float  # by how much the hands' velocity differs from the object's at most
+    lead_m_s: float  # by how much hands that hold the object change their velocity at a time, at most
     turn_speed_rad_s: float  # of the hands
     roll_rad: float  # 0: the fingers of a hand are beside each other; pi / 2: one above the other
     # of the gain, about the vertical, while they touch, so that they lie flat: contacts turn them as well. 0: they
@@ -81,120 +78,18 @@ class PressingConfig:
         check_positive(self, "position_gain_s", "rotation_gain_s", "posture_gain_s", "turn_speed_rad_s")
         check_positive(self, "approach_speed_m_s", "close_speed_m_s", "touch_speed_m_s")
         check_not_negative(
-            self, "around_m", "back_m", "finger_position_m", "lift_below_hand_m", "yaw_share", "pad_to_tip_m"
+            self,
+            "around_m",
+            "back_m",
+            "up_m",
+            "finger_position_m",
+            "lift_below_hand_m",
+            "yaw_share",
+            "pad_to_tip_m",
         )
         check_inside("level_share", self.level_share, (0, 1))
         check_inside("roll_rad", self.roll_rad, (-math.pi, math.pi))
         check_vector(self, "arm_qpos_rad", size=7)
-
-
-@dataclass(frozen=True, eq=False)
-class Press:
-    """Two opposite places on an object's wall, in its frame.
-
-    Attributes:
-        height_m: of both.
-        direction_rad: from the z axis to the left hand's place; the right hand's is opposite.
-        reach_m: (2,) distance of the places of right and left hand from the axis.
-        outline_m: (D,) how far the object reaches out at this height, in directions evenly around from +x on.
-    """
-
-    height_m: float
-    direction_rad: float
-    reach_m: np.ndarray
-    outline_m: np.ndarray
-
-    def clearance_m(self, points: np.ndarray) -> np.ndarray:
-        """Return how far points (N, 3) in the object's frame are outside it, seen from its axis, (N,)."""
-        step = 2 * np.pi / len(self.outline_m)
-        angles = np.arctan2(points[:, 1], points[:, 0]) % (2 * np.pi)
-        rim = np.interp(
-            angles, step * np.arange(len(self.outline_m) + 1), np.append(self.outline_m, self.outline_m[0])
-        )
-        clearance: np.ndarray = np.hypot(points[:, 0], points[:, 1]) - rim
-        return clearance
-
-
-@dataclass(frozen=True, eq=False)
-class Wall:
-    """What can be pressed of an object; Z heights, D directions of its outlines, K directions of presses.
-
-    Attributes:
-        heights_m: (Z,) rising, in the object's frame.
-        outline_m: (Z, D) how far it reaches out there from the z axis, in directions evenly around from +x on.
-        hand_outline_m: (Z, D) the same of all that a hand would meet, which is larger than its fingertips.
-        spread_m: half the width of the fingertips.
-        directions_rad: (K,) of the left hand's place.
-        reach_m: (Z, K) how far from the axis fingertips are that touch the wall, or whose hand does.
-        blocked_m: (Z, K) how far fingertips are from the wall then.
-    """
-
-    heights_m: np.ndarray
-    outline_m: np.ndarray
-    hand_outline_m: np.ndarray
-    spread_m: float
-    directions_rad: np.ndarray
-    reach_m: np.ndarray
-    blocked_m: np.ndarray
-
-    def place(self, level: int, direction: int) -> Press:
-        """Return the places at one of the heights and directions."""
-        opposite = (direction + len(self.directions_rad) // 2) % len(self.directions_rad)
-        reach = self.reach_m[level, [opposite, direction]]
-        return Press(
-            float(self.heights_m[level]), float(self.directions_rad[direction]), reach, self.outline_m[level]
-        )
-
-    def between(self, height_m: float, direction_rad: float) -> Press:
-        """Return the places at any height and direction; beyond the heights, those of the nearest one."""
-        height_m = min(max(height_m, float(self.heights_m[0])), float(self.heights_m[-1]))
-        at = float(np.interp(height_m, self.heights_m, np.arange(len(self.heights_m))))
-        low = min(int(at), len(self.heights_m) - 2)
-        outline, hand = (
-            (1 - at + low) * one[low] + (at - low) * one[low + 1] for one in (self.outline_m, self.hand_outline_m)
-        )
-        turned = np.array((direction_rad + np.pi, direction_rad))
-        tips, hands = _reach(outline[None], hand[None], turned, self.spread_m)
-        return Press(height_m, direction_rad, np.maximum(tips, hands)[0], outline)
-
-
-def wall_of(
-    heights_m: np.ndarray, outline_m: np.ndarray, spread_m: float, hand_outline_m: np.ndarray | None = None
-) -> Wall:
-    """Return the wall with outlines (Z, D) at heights (Z,); walls are kept, for this takes a while."""
-    hand = np.zeros_like(outline_m) if hand_outline_m is None else hand_outline_m
-    return _wall(heights_m.tobytes(), outline_m.tobytes(), hand.tobytes(), spread_m)
-
-
-@lru_cache(maxsize=_CACHED_WALLS)
-def _wall(heights: bytes, outline: bytes, hand_outline: bytes, spread_m: float) -> Wall:
-    levels = np.frombuffer(heights)
-    found = np.frombuffer(outline).reshape(len(levels), -1)
-    hand = np.frombuffer(hand_outline).reshape(found.shape)
-    # rays that pass between two staves reach as far as their neighbours
-    found = np.where(found > 0, found, np.maximum(np.roll(found, 1, axis=1), np.roll(found, -1, axis=1)))
-    directions = 2 * np.pi / _DIRECTIONS * np.arange(_DIRECTIONS)
-    tips, hands = _reach(found, hand, directions, spread_m)
-    reach = np.maximum(tips, hands)
-    return Wall(levels, found, hand, spread_m, directions, reach, reach - tips)
-
-
-def _reach(
-    outline: np.ndarray, hand_outline: np.ndarray, directions_rad: np.ndarray, spread_m: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far from the axis fingertips are, (Z, K), that touch outlines (Z, D), and whose hand does."""
-    tips = _support(outline, directions_rad, spread_m)
-    return tips, _support(hand_outline, directions_rad, _HALF_HAND_M) - _HAND_TO_TIP_M
-
-
-def _support(outline: np.ndarray, directions_rad: np.ndarray, spread_m: float) -> np.ndarray:
-    """Return how far from the axis a plate, twice `spread_m` wide, is that touches outlines (Z, D), (Z, K)."""
-    rays = 2 * np.pi / outline.shape[1] * np.arange(outline.shape[1])
-    turn = rays[None, :] - directions_rad[:, None]  # (K, D): of each ray against each direction
-    along, across = outline[:, None] * np.cos(turn), outline[:, None] * np.sin(turn)  # (Z, K, D)
-    touched = (np.abs(across) <= spread_m) & (along > 0)
-    found: np.ndarray = np.where(touched, along, 0.0).max(axis=-1)
-    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,14 +99,12 @@ class Body:
     Attributes:
         position: (3,) of its frame, in the world.
         rotation: (3, 3) likewise.
-        velocity: (3,) m/s.
         wall: what can be pressed of it.
         held: whether it is held already, 0 to 1, if the hands touch.
     """
 
     position: np.ndarray
     rotation: np.ndarray
-    velocity: np.ndarray
     wall: Wall
     held: float = 0.0
 
@@ -287,11 +180,12 @@ class PressingHands:
             snapshot: of one environment.
             view: of it.
             body: what is pressed.
-            velocity: (3,) that the object shall have once it is held, m/s; it follows in steps of `lead_m_s`.
+            velocity: (3,) that the object shall have once it is held, m/s.
             phase: for the command.
         """
         config = self.config
-        velocity = body.velocity + limited(velocity - body.velocity, config.lead_m_s)
+        present = _hand_velocities(snapshot).mean(axis=0)
+        velocity = present + limited(velocity - present, config.lead_m_s)
         linear = (1 - view.carry) * self._reach(snapshot, view) + view.carry * self._follow(
             snapshot, view, velocity
         )
@@ -329,8 +223,8 @@ class PressingHands:
 
     def _shares(self, snapshot: Snapshot, body: Body, view: View, settled: float) -> View:
         """Return the view with its shares."""
-        tips = snapshot.fingertip_velocity_w[0].reshape(_ARMS, 2, 3).mean(axis=1)
-        closing = np.abs((tips - body.velocity) @ view.axis).max()
+        right, left = _hand_velocities(snapshot)
+        closing = abs(float((left - right) @ view.axis))
         touch = settled * ramp(view.gaps.max(), *_TOUCH_GAP_M) * ramp(view.aside.max(), *_TOUCH_ASIDE_M)
         firm = ramp(closing, *_STILL_M_S) * ramp(self._uneven(snapshot, body, view.press), *_FLAT_M)
         carry = touch * max(firm, body.held)
@@ -420,7 +314,8 @@ class PressingHands:
         hands = snapshot.tool_position_w[0].mean(axis=0)
         middle = view.middle + view.carry * (hands - view.middle)
         base, yaw = self._base_error(snapshot, view, middle, view.astray * config.back_m)
-        lift = max(0.0, middle[2] - config.lift_below_hand_m) - float(snapshot.robot_qpos[0, TRUNK - 1])
+        height = middle[2] - config.lift_below_hand_m + view.astray * config.up_m
+        lift = max(0.0, height) - float(snapshot.robot_qpos[0, TRUNK - 1])
         trunk = config.posture_gain_s * np.array((*base, yaw, lift))
         trunk[:2] = limited(trunk[:2], config.base_speed_m_s) + view.carry * velocity[:2]
         trunk[3] = (1 - view.touch) * trunk[3] + view.carry * velocity[2]
@@ -433,6 +328,12 @@ def _mirrored(qpos: np.ndarray) -> np.ndarray:
     mirrored: np.ndarray = signs * qpos
     mirrored[-1] += np.pi / 2
     return mirrored
+
+
+def _hand_velocities(snapshot: Snapshot) -> np.ndarray:
+    """Return the velocities of the hands' fingertips, (2, 3)."""
+    found: np.ndarray = snapshot.fingertip_velocity_w[0].reshape(_ARMS, 2, 3).mean(axis=1)
+    return found
 
 
 def _present_press(snapshot: Snapshot, body: Body) -> Press:

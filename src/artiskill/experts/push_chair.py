@@ -11,7 +11,8 @@ import numpy as np
 from artiskill.config import CONFIG_DIR, check_inside, check_not_negative, check_positive, check_value, load_config
 from artiskill.experts.command import Command
 from artiskill.experts.frames import curved, limited, ramp
-from artiskill.experts.pressing import Body, Press, PressingConfig, PressingHands, wall_of
+from artiskill.experts.pressing import Body, PressingConfig, PressingHands
+from artiskill.experts.walls import Press, wall_of
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.push_chair import ChairGoal
@@ -101,7 +102,6 @@ def seat_body(snapshot: Snapshot, goal: ChairGoal, hands: PressingConfig) -> Bod
     return Body(
         position=snapshot.link_position_w[0, link] + turn @ goal.seat_position[0],
         rotation=turn @ goal.seat_rotation[0],
-        velocity=snapshot.root_velocity_w[0, :3] * (1.0, 1.0, 0.0),
         wall=wall_of(heights, outline, hands.spread_m, hand_outline),
         held=ramp(speed, *_MOVES_M_S),
     )
