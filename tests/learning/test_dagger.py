@@ -77,16 +77,27 @@ def test_motions_beyond_any_use_are_shortened() -> None:
 
 
 @pytest.mark.parametrize("arms", [1, 2])
-def test_the_likeliest_phase_acts(arms: int) -> None:
-    """Outputs are laid out here by hand: logits of phases, then motion, widths and logits of grips of each."""
+def test_the_likeliest_kind_acts(arms: int) -> None:
+    """Outputs are laid out here by hand: logits of kinds, then motion, widths and logits of grips of each."""
     own, given = space(arms), command(arms, 3)
     label, m = own.encode(given), own.motion_size
     outputs = np.random.default_rng(0).normal(size=(2, own.output_size)).astype(np.float32)
-    outputs[1, : len(PHASES)] = np.eye(3)[given.phase] * 9
-    block = outputs[1, len(PHASES) :].reshape(3, -1)[given.phase]  # a view
+    kinds, kind = own.kinds, int(label[-1])
+    outputs[1, :kinds] = np.eye(kinds)[kind] * 9
+    block = outputs[1, kinds:].reshape(kinds, -1)[kind]  # a view
     block[: m + arms] = label[: m + arms]
     block[m + arms :] = (np.eye(3)[given.grip] * 9).reshape(-1)
     np.testing.assert_allclose(own.likeliest(outputs)[1], label, atol=1e-6)
+
+
+def test_ways_to_roll_a_single_hand_are_kinds_of_their_own() -> None:
+    kinds = []
+    for roll in (0.0, 0.5, 2.0, -2.0):
+        twist = np.array([[0, 0, 0, 0, 0, roll]])
+        kinds.append(int(space().encode(dataclasses.replace(command(1), phase=2, twists=twist))[-1]))
+    assert kinds == [6, 6, 7, 8]
+    assert space(1).kinds == 9
+    assert space(2).kinds == 3
 
 
 def test_a_space_survives_being_saved() -> None:
@@ -113,33 +124,33 @@ def labels(count: int, arms: int = 1) -> Any:
     return torch.from_numpy(np.array([space(arms).encode(command(arms, seed)) for seed in range(count)]))
 
 
-def test_the_loss_counts_only_the_phase_that_the_expert_is_in() -> None:
+def test_the_loss_counts_only_the_kind_that_the_expert_is_in() -> None:
     dagger, label = make_dagger(), labels(4)
     own, m = space(), space().motion_size
     outputs = torch.zeros(4, own.output_size)
     for row in range(4):
-        phase = int(label[row, -1])
-        outputs[row, phase] = 30.0
-        block = outputs[row, 3:].reshape(3, -1)
+        kind = int(label[row, -1])
+        outputs[row, kind] = 30.0
+        block = outputs[row, own.kinds :].reshape(own.kinds, -1)
         block[:] = 7.0
-        block[phase, : m + 1] = label[row, : m + 1]
-        block[phase, m + 1 :] = torch.eye(3)[int(label[row, m + 1])] * 30
+        block[kind, : m + 1] = label[row, : m + 1]
+        block[kind, m + 1 :] = torch.eye(3)[int(label[row, m + 1])] * 30
     loss, numbers = dagger.loss(outputs, label)
     assert float(loss) < 1e-6
-    assert float(numbers["phase_accuracy"]) == 1.0
-    outputs[:, 3:] += 0.5  # errors beyond the bend count by their length, less half of the bend
+    assert float(numbers["kind_accuracy"]) == 1.0
+    outputs[:, own.kinds :] += 0.5  # errors beyond the bend count by their length, less half of the bend
     _, numbers = dagger.loss(outputs, label)
     assert float(numbers["imitation_loss"]) == pytest.approx(0.49, abs=1e-4)
 
 
 def test_the_width_of_a_closed_hand_does_not_count() -> None:
-    dagger, own = make_dagger(grip_weight=0.0, phase_weight=0.0), space()
+    dagger, own = make_dagger(grip_weight=0.0, kind_weight=0.0), space()
     losses = []
     for grip in (Grip.OPEN, Grip.SHUT):
         given = dataclasses.replace(command(1), grip=np.array([grip]), width_m=np.array([0.04]))
         label = torch.from_numpy(own.encode(given))[None]
         outputs = torch.zeros(1, own.output_size)
-        outputs[0, 3:].reshape(3, -1)[:, : own.motion_size] = label[0, : own.motion_size]
+        outputs[0, own.kinds :].reshape(own.kinds, -1)[:, : own.motion_size] = label[0, : own.motion_size]
         losses.append(float(dagger.loss(outputs, label)[0]))
     assert losses[0] == pytest.approx(0.05 * 0.99, rel=1e-3)
     assert losses[1] == 0
@@ -155,7 +166,7 @@ def test_updates_learn_the_commands() -> None:
     for step in range(300):
         last = dagger.update(batch, step, torch.Generator(), lambda parameters: None, nullcontext)
     assert float(last["imitation_loss"]) < 0.2 * float(first["imitation_loss"])
-    assert float(last["phase_accuracy"]) == 1.0
+    assert float(last["kind_accuracy"]) == 1.0
     np.testing.assert_allclose(dagger.act(seen)[:, -1], label[:, -1])
 
 

@@ -1,8 +1,9 @@
 """Commands as numbers that a network can give, and a command's way from there to an action.
 
-A policy that learns commands (`artiskill.experts.command`) gives, for each phase of the work, a motion and what
-fingers do, and says which phase it is; the likeliest one acts. A regression over several phases would act by their
-mean, which is none. NumPy, or torch where arrays are tensors; imports no torch.
+A policy that learns commands (`artiskill.experts.command`) gives several of them, and says which it is: one for
+each phase of the work, and, of a single hand, for each way that the hand may roll, as handles can be gripped in
+several rolls. The likeliest one acts; a regression would act by their mean, which leads nowhere. NumPy, or torch
+where arrays are tensors; imports no torch.
 """
 
 from collections.abc import Sequence
@@ -22,11 +23,12 @@ GRIPS = len(Grip)
 _TWIST = 6
 # what counts as 1 in a vector; typical, not the most
 _LINEAR_M_S, _ANGULAR_RAD_S, _TRUNK_M_S, _GAIN_S, _PRESS_N, _WIDTH_M = 0.8, 3.0, 0.6, 2.0, 50.0, 0.02
+_ROLL, _ROLLS, _SLOW_ROLL = 5, 3, 0.3  # place of the hand's roll in a motion; hardly, one way, the other; when
 _MOST = 1.5  # of these: motions beyond are asked for nowhere, and a network need not tell how far
 
 
 class CommandParts(NamedTuple):
-    """The numbers of one phase; arrays or tensors."""
+    """The numbers of one kind of command; arrays or tensors."""
 
     motion: Any  # (B, M)
     width: Any  # (B, A)
@@ -55,14 +57,23 @@ class CommandSpace:
         return _TWIST * self.arms + TRUNK + 1 + (self.arms > 1)
 
     @property
+    def kinds(self) -> int:
+        """How many kinds of commands are told apart: phases, times ways to roll a single hand."""
+        return len(self.phases) * self._rolls
+
+    @property
+    def _rolls(self) -> int:
+        return _ROLLS if self.arms == 1 else 1
+
+    @property
     def label_size(self) -> int:
-        """How many numbers a command is: motion, widths, grips, phase."""
+        """How many numbers a command is: motion, widths, grips, kind."""
         return self.motion_size + 2 * self.arms + 1
 
     @property
     def output_size(self) -> int:
-        """How many numbers a network gives: a logit and `CommandParts` for each phase."""
-        return len(self.phases) * (1 + self.motion_size + (1 + GRIPS) * self.arms)
+        """How many numbers a network gives: a logit and `CommandParts` for each kind."""
+        return self.kinds * (1 + self.motion_size + (1 + GRIPS) * self.arms)
 
     @cached_property
     def _units(self) -> np.ndarray:
@@ -77,16 +88,18 @@ class CommandSpace:
         motion = (command.twists.reshape(-1), command.trunk_qvel, [command.arm_gain_s], press)
         scaled = np.concatenate(motion) / self._units
         width = np.asarray(command.width_m) / _WIDTH_M - 1.0
-        parts = (np.clip(scaled, -_MOST, _MOST), width, command.grip, [command.phase])
+        roll = scaled[_ROLL] if self.arms == 1 else 0.0
+        way = 0 if abs(roll) < _SLOW_ROLL else 1 + (roll < 0)
+        parts = (np.clip(scaled, -_MOST, _MOST), width, command.grip, [command.phase * self._rolls + way])
         return np.concatenate(parts).astype(np.float32)
 
     def decode(self, label: np.ndarray) -> Command:
-        """Return the command that numbers (`label_size`,) say; their grips and phase are whole."""
+        """Return the command that numbers (`label_size`,) say; their grips and kind are whole."""
         m, a = self.motion_size, self.arms
         values = np.asarray(label, dtype=np.float64)
         motion = values[:m] * self._units
         return Command(
-            phase=int(values[-1]),
+            phase=int(values[-1]) // self._rolls,
             twists=motion[: _TWIST * a].reshape(a, _TWIST),
             trunk_qvel=motion[_TWIST * a : _TWIST * a + TRUNK],
             arm_gain_s=max(0.0, float(motion[_TWIST * a + TRUNK])),
@@ -95,22 +108,22 @@ class CommandSpace:
             press_n=max(0.0, float(motion[-1])) if a > 1 else 0.0,
         )
 
-    def parts(self, outputs: Any, phase: Any) -> CommandParts:
-        """Return the numbers of one phase, (B,) whole, of each row of a network's outputs (B, `output_size`)."""
-        m, a, p = self.motion_size, self.arms, len(self.phases)
+    def parts(self, outputs: Any, kind: Any) -> CommandParts:
+        """Return the numbers of one kind, (B,) whole, of each row of a network's outputs (B, `output_size`)."""
+        m, a, p = self.motion_size, self.arms, self.kinds
         each = outputs[:, p:].reshape(len(outputs), p, -1)
-        chosen = each[range(len(outputs)), phase]
+        chosen = each[range(len(outputs)), kind]
         return CommandParts(chosen[:, :m], chosen[:, m : m + a], chosen[:, m + a :].reshape(-1, a, GRIPS))
 
-    def phase_logits(self, outputs: Any) -> Any:
-        """Return (B, P) of a network's outputs."""
-        return outputs[:, : len(self.phases)]
+    def logits(self, outputs: Any) -> Any:
+        """Return those of kinds, (B, K), of a network's outputs."""
+        return outputs[:, : self.kinds]
 
     def likeliest(self, outputs: np.ndarray) -> np.ndarray:
-        """Return the commands (B, `label_size`) of the likeliest phases of a network's outputs."""
-        phase = self.phase_logits(outputs).argmax(1)
-        found = self.parts(outputs, phase)
-        return np.concatenate((found.motion, found.width, found.grip.argmax(2), phase[:, None]), axis=1)
+        """Return the commands (B, `label_size`) of the likeliest kinds of a network's outputs."""
+        kind = self.logits(outputs).argmax(1)
+        found = self.parts(outputs, kind)
+        return np.concatenate((found.motion, found.width, found.grip.argmax(2), kind[:, None]), axis=1)
 
 
 class CommandActor:

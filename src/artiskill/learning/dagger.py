@@ -1,8 +1,8 @@
 """DAgger (Ross et al., 2011): the policy acts, the expert says what it would have done, the policy learns that.
 
 A round adds what policy and expert have met (`learning/rollouts.py`); training goes on with all rounds so far.
-What is learned are the expert's commands (`learning/commands.py`): a motion for each phase of the work, and which
-phase it is. One motion for all phases would be their mean where the phase is not certain, and do nothing.
+What is learned are the expert's commands (`learning/commands.py`): one of each kind, and which kind it is. One for
+all kinds would be their mean where the kind is not certain, and do nothing.
 """
 
 from collections.abc import Iterable, Mapping
@@ -32,8 +32,9 @@ class DAggerConfig:
     error_bend: float  # errors of motions count by their squares up to here, then by their lengths
     width_weight: float  # of the error of open fingers' width, where that of motions has 1
     grip_weight: float  # of the cross-entropy of what fingers do
-    phase_weight: float  # of the cross-entropy of phases
+    kind_weight: float  # of the cross-entropy of kinds
     objects: tuple[str, ...]  # as `resolve_objects` takes them, never of a split that is measured
+    expert: dict[str, Any]  # values of the expert that differ from its own
     points: int  # of a cloud
     shares: tuple[int, ...]  # how these are shared out among the masks, and the points in none
     rounds: int
@@ -47,7 +48,7 @@ class DAggerConfig:
     def __post_init__(self) -> None:
         check_positive(self, "learning_rate", "gradient_norm", "error_bend", "points", "rounds", "expert_rounds")
         check_positive(self, "collectors", "envs", "rollout_steps")
-        check_not_negative(self, "weight_decay", "width_weight", "grip_weight", "phase_weight")
+        check_not_negative(self, "weight_decay", "width_weight", "grip_weight", "kind_weight")
         check_inside("whole_share", self.whole_share, (0, 1))
         check_value(self, "objects", len(self.objects) > 0, "needs objects")
         are_shares = len(self.shares) > 0 and min(self.shares) >= 0 and sum(self.shares) > 0
@@ -101,23 +102,23 @@ class DAgger(Algorithm):
     def loss(self, outputs: Tensor, label: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
         """Return the loss of outputs (B, O) for commands (B, V), and its parts to log.
 
-        A motion is compared in the phase that the expert is in; widths count where fingers are open.
+        A motion is compared in the kind that the expert has; widths count where fingers are open.
         """
         config, m, a = self.config, self.commands.motion_size, self.commands.arms
-        grip, phase = label[:, m + a : m + 2 * a].long(), label[:, -1].long()
-        found = self.commands.parts(outputs, phase)
+        grip, kind = label[:, m + a : m + 2 * a].long(), label[:, -1].long()
+        found = self.commands.parts(outputs, kind)
         motion = smooth_l1_loss(found.motion, label[:, :m], beta=config.error_bend)
         width_error = smooth_l1_loss(found.width, label[:, m : m + a], beta=config.error_bend, reduction="none")
         width = (width_error * (grip == Grip.OPEN)).mean()
         grips = cross_entropy(found.grip.reshape(-1, GRIPS), grip.reshape(-1))
-        logits = self.commands.phase_logits(outputs)
-        phases = cross_entropy(logits, phase)
-        loss = motion + config.width_weight * width + config.grip_weight * grips + config.phase_weight * phases
-        right = (logits.argmax(1) == phase).float().mean()
-        numbers = {"imitation_loss": motion, "grip_loss": grips, "phase_loss": phases, "phase_accuracy": right}
+        logits = self.commands.logits(outputs)
+        kinds = cross_entropy(logits, kind)
+        loss = motion + config.width_weight * width + config.grip_weight * grips + config.kind_weight * kinds
+        right = (logits.argmax(1) == kind).float().mean()
+        numbers = {"imitation_loss": motion, "grip_loss": grips, "kind_loss": kinds, "kind_accuracy": right}
         return loss, {name: number.detach() for name, number in numbers.items()}
 
     def choose(self, observation: Observation) -> Tensor:
-        """Return the commands (B, V) of the likeliest phases."""
+        """Return the commands (B, V) of the likeliest kinds."""
         outputs = self.policy(observation).float().cpu()
         return torch.from_numpy(self.commands.likeliest(outputs.detach().numpy()))

@@ -54,7 +54,7 @@ class RunPolicy:
             ConfigError: an observation of other sizes.
         """
         arrays = self._layout.observe(observation)
-        with _one_thread():  # the same bits in every process, and none to wait for
+        with one_thread():
             tensors = Observation(*(torch.from_numpy(array) for array in arrays))
             found = self._algorithm.act(tensors)[0].numpy()
         return found if self._actor is None else self._actor.action(arrays.agent[0], found)
@@ -110,7 +110,8 @@ def export_policy(run: Path | str, path: Path) -> Header:
 
 
 @contextmanager
-def _one_thread() -> Iterator[None]:
+def one_thread() -> Iterator[None]:
+    """Have torch use one thread of the CPU: the same bits in every process, and none to wait for."""
     before = torch.get_num_threads()
     if before != 1:
         torch.set_num_threads(1)

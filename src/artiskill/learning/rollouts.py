@@ -7,7 +7,7 @@ processes. The rounds' files, in the run's folder, and its checkpoints are all t
 import hashlib
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -19,7 +19,7 @@ import numpy as np
 import torch
 
 from artiskill.assets.catalog import object_id_of, resolve_objects
-from artiskill.config import to_mapping
+from artiskill.config import from_mapping, merge_overrides, to_mapping
 from artiskill.demos.demonstrator import FAULTS
 from artiskill.envs.control import JOINT
 from artiskill.envs.vector_env import ManipulationVectorEnv
@@ -37,6 +37,7 @@ from artiskill.learning.checkpoints import load_weights, make_algorithm, save_we
 from artiskill.learning.commands import command_space
 from artiskill.learning.dagger import DAggerConfig
 from artiskill.learning.observation import ObservationLayout
+from artiskill.learning.policy import one_thread
 from artiskill.learning.run import RunInfo, Table, read_info
 from artiskill.learning.train_config import TrainConfig, algorithm_config, check_not_measured, read_train_config
 from artiskill.learning.trainer import Trainer
@@ -107,7 +108,7 @@ class Rollouts:
     def info(self, config: TrainConfig, versions: dict[str, str]) -> RunInfo:
         """Return what a new run says of itself."""
         task, values = self.task, self.values
-        expert = commanding_expert(task)
+        expert = commanding_expert(task, values.expert)
         agent = sum(field.size for field in robot_fields(len(task.robot.mounts)))
         space = command_space(task.robot, task.config.physics.step_s, expert.controller, expert.phases)
         actions = len(expert.controller.whole_body.scale.center)
@@ -253,7 +254,8 @@ class RolloutJob:
 
 def collect(job: RolloutJob, send: Send) -> None:
     """Roll out, and store what was seen and commanded; messages come on the way."""
-    records, labels, counts = _collector(job.folder).run(job, send)
+    with one_thread():
+        records, labels, counts = _collector(job.folder).run(job, send)
     job.path.parent.mkdir(parents=True, exist_ok=True)
     as_bytes = records.view(np.uint8).reshape(len(records), -1)
     with atomic_write(job.path) as temporary, temporary.open("wb") as file:
@@ -308,7 +310,7 @@ class Collector:
             self._env, sampling.method, sampling.num_points, sampling.frame, **sampling.settings
         )
         self._task: Task = self._env.task
-        self._expert = commanding_expert(self._task)
+        self._expert = commanding_expert(self._task, self._values.expert)
         self._half_range = self._expert.controller.whole_body.scale.half_range
         self._pushes = load_variation(config.task).disturbance
         self._rng = np.random.default_rng()
@@ -420,17 +422,19 @@ def layout_of(info: RunInfo) -> ObservationLayout:
     return ObservationLayout(*(info.sizes[name] for name in ("points", "masks", "agent")))
 
 
-def commanding_expert(task: Task) -> Any:
-    """Return the expert of a task, which says what it commands in any state.
+def commanding_expert(task: Task, values: Mapping[str, Any]) -> Any:
+    """Return the expert of a task, which says what it commands in any state, with some values changed.
 
     Raises:
         PolicyError: the task has no expert, or one that only acts.
+        ConfigError: an unknown or illegal value.
     """
     expert: Any = make_expert(task.name, task.robot)
     missing = [name for name in ("command", "controller", "phases") if not hasattr(expert, name)]
     if missing:
         raise PolicyError(f"the expert of {task.name} gives no commands: it has no {missing[0]!r}")
-    return expert
+    config = merge_overrides(to_mapping(expert.config), values)
+    return make_expert(task.name, task.robot, from_mapping(type(expert.config), config, "algorithm.expert"))
 
 
 def shared_out(points: int, shares: tuple[int, ...]) -> list[int]:
