@@ -20,7 +20,7 @@ from artiskill.tasks.open_cabinet import CabinetGoal
 _AIM_M = 0.04  # beyond where the hand turns in around an edge, lest it creeps there
 _BLEND_M = 0.025  # on which one way around an edge turns into the next
 _PRESSED_M = 0.02  # beyond the inner face, where the centre of a hand that pushes it can still be
-_IN_M = 0.015  # behind the edge: from here on it pushes altogether
+_IN_M = 0.015  # before the edge it does not push yet, behind it altogether
 _ENOUGH = 0.8  # of how far a door is to be ajar, for a hand that slipped off to go behind it
 _NO_WAY = 0.4  # likewise, below which it comes out again
 _TURNED_RAD, _BROAD_RAD = 0.5, 0.9  # from how it will push: up to here it goes in, from here on not at all
@@ -256,7 +256,7 @@ def push(door: Door, left_rad: float, tool: Frame, rotation: np.ndarray, config:
     wanted_rad_s = _wanted_rate(left_rad, config.rate_rad_s, config)
     feed = _feed(door, wanted_rad_s, tool, config.push_gain, config.push_speed_m_s)
     along, _ = door.coordinates(tool.position)  # a hand that is hardly in would slip off the edge
-    return Motion(wanted, config.correction_m_s, ramp(along, door.edge_m, door.edge_m - _IN_M) * feed)
+    return Motion(wanted, config.correction_m_s, ramp(along, door.edge_m + _IN_M, door.edge_m - _IN_M) * feed)
 
 
 def _wanted_rate(left_rad: float, most_rad_s: float, config: DoorConfig) -> float:
