@@ -256,7 +256,7 @@ def _run_verify(arguments: argparse.Namespace) -> int:
 
 
 def _verdict(faults: tuple[str, ...]) -> str:
-    return f"{len(faults)} differences" if faults else "bit for bit as reported"
+    return f"{len(faults)} difference{'s' * (len(faults) > 1)}" if faults else "bit for bit as reported"
 
 
 def _run_compare(arguments: argparse.Namespace) -> None:

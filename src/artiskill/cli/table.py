@@ -60,6 +60,8 @@ def print_report(report: "Report") -> None:
         f"{report.total.episodes} episodes in {report.timing['seconds']:.1f} s",
         soft_wrap=True,
     )
+    track = f", track {report.track}" if report.track else ""
+    console.print(f"protocol {escape(report.protocol.id)}{track}", soft_wrap=True)
 
 
 def print_comparison(first: "StoredReport", second: "StoredReport", found: "Comparison") -> None:

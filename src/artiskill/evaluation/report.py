@@ -372,13 +372,16 @@ def report_markdown(report: Report) -> str:
     levels = f"Levels {report.levels[0]} to {report.levels[1]}" if report.levels else "Fresh levels"
     used = ", ".join(f"{name} {number}" for name, number in report.versions.items())
     modes = f"`{report.obs_mode}`, `{report.control_mode}`"
-    title = (
-        f"# {report.task}: {report.policy}\n\nProtocol `{report.protocol.id}`. {levels} of each object, {modes}."
-    )
+    track = f", track `{report.track}`" if report.track else ""
+    played = f"Protocol `{report.protocol.id}`{track}. {levels} of each object, {modes}."
     over = report.interval_over_objects
     spread = f"\n\nOver objects: {over[0]:.1%} to {over[1]:.1%} (95 %, bootstrap)." if over else ""
     faults = f"\n\n{report.total.faults_text}" if report.total.faults else ""
-    return f"{title}\n\n" + "\n".join(lines) + f"{spread}{faults}\n\nMade with {used}.\n"
+    return (
+        f"# {report.task}: {report.policy}\n\n{played}\n\n"
+        + "\n".join(lines)
+        + f"{spread}{faults}\n\nMade with {used}.\n"
+    )
 
 
 def report_columns(report: Report) -> list[str]:

@@ -46,6 +46,7 @@ from artiskill.files import parse_json, read_bytes
 from artiskill.jobs.parallel import check_workers, run_jobs
 from artiskill.tasks.levels import MAX_LEVEL
 from artiskill.tasks.registry import make_task
+from artiskill.versions import versions
 
 _MOST_FAULTS = 20  # that are listed of one file
 _JOB_EPISODES = 25
@@ -287,10 +288,13 @@ def _play_again(
 
 
 def _changed(stored: ReportFolder) -> Iterator[str]:
-    """Yield what report.json says about itself, if that is not so."""
+    """Yield what is wrong with report.json whatever the actions do."""
     digest = mapping_sha256(stored.mapping)
     if stored.report.sha256 != digest:
         yield f"{REPORT_JSON} was changed: its content's sha256 is {digest}, not {stored.report.sha256}"
+    python = {"python": ""}  # the bits do not depend on it
+    if other := differing(stored.report.versions | python, versions() | python):
+        yield f"made with other versions, which may give other numbers: {'; '.join(other)}"
 
 
 def _different(
@@ -302,8 +306,7 @@ def _different(
     again = replace(
         report,
         timing=timing_of(report.episodes, timing.seconds, timing.workers),
-        versions=report.versions
-        | {"python": stored.report.versions.get("python", "")},  # the bits do not depend on it
+        versions=stored.report.versions,
     )
     files = report_files(again)
     for name in REPORT_FILES:
