@@ -1,0 +1,206 @@
+"""Pages in a headless Chromium that draws in software: slow, so windows are small; for `make test-viewer`."""
+
+import base64
+import io
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from artiskill.demos.demos import PACK
+from artiskill.evaluation.pictures import EpisodeChoice
+from artiskill.viewer.episode_page import export_episode
+from artiskill.viewer.playback import LiveEpisode
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--use-gl=angle", "--enable-unsafe-swiftshader"]
+WAIT_MS = 120_000  # where several people use the processor
+ORANGE, WHITE = (230, 120, 0), (235, 235, 235)
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    api = pytest.importorskip("playwright.sync_api")
+    pytest.importorskip("viser")
+    if CHROMIUM is None:
+        pytest.skip("there is no Chromium")
+    with api.sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield started
+        started.close()
+
+
+@pytest.fixture
+def open_page(browser: Any) -> Iterator[Callable[[str], Any]]:
+    """What opens an address; a page that reports an error fails its test."""
+    faults: list[str] = []
+    context = browser.new_context(viewport={"width": 760, "height": 420})
+
+    def opened(address: str) -> Any:
+        page = context.new_page()
+        page.set_default_timeout(WAIT_MS)
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        page.goto(address)
+        page.wait_for_selector("canvas")
+        return page
+
+    yield opened
+    context.close()
+    assert not faults
+
+
+@pytest.fixture
+def view() -> Iterator[Callable[..., str]]:
+    """What runs `artiskill view` and returns its address."""
+    processes: list[subprocess.Popen[str]] = []
+
+    def started(*arguments: str) -> str:
+        command = [sys.executable, "-m", "artiskill", "view", "--port", "0", *arguments]
+        processes.append(
+            subprocess.Popen(
+                command,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # which may be ignored here
+            )
+        )
+        assert processes[-1].stdout is not None
+        line = processes[-1].stdout.readline()
+        found = re.match(r"open (\S+) in", line)
+        assert found is not None, line
+        return found[1]
+
+    yield started
+    for process in processes:
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=60) == 130
+        assert process.stdout is not None
+        assert process.stdout.read() == ""
+        process.stdout.close()
+
+
+# plots have canvases, too
+SCENE = "[...document.querySelectorAll('canvas')].sort((a, b) => b.width * b.height - a.width * a.height)[0]"
+
+
+def drawn(page: Any) -> np.ndarray:
+    """Return what the scene's canvas shows, (H, W, 3)."""
+    address = page.evaluate(f"{SCENE}.toDataURL('image/png')")
+    if len(address) < 100:  # it has no size yet
+        return np.zeros((1, 1, 3), int)
+    with Image.open(io.BytesIO(base64.b64decode(address.split(",")[1]))) as image:
+        return np.asarray(image.convert("RGB")).astype(int)
+
+
+def share_of(picture: np.ndarray, colour: tuple[int, int, int], within: int = 45) -> float:
+    return float((np.abs(picture - colour).max(axis=-1) < within).mean())
+
+
+def until(page: Any, holds: Callable[[np.ndarray], bool]) -> np.ndarray:
+    """Wait until what is drawn has a property; return it."""
+    before = drawn(page)
+    for _ in range(120):
+        page.wait_for_timeout(500)
+        picture = drawn(page)
+        if holds(picture) and not changed(before)(picture):  # surfaces arrive one after the other
+            return picture
+        before = picture
+    raise AssertionError("it was never drawn")
+
+
+def changed(before: np.ndarray) -> Callable[[np.ndarray], bool]:
+    return lambda picture: bool(
+        picture.shape == before.shape and (np.abs(picture - before).max(axis=-1) > 40).mean() > 0.003
+    )
+
+
+def press(page: Any, name: str) -> None:
+    page.get_by_text(name, exact=True).first.click()
+
+
+def state_is(page: Any, pattern: str) -> None:
+    page.wait_for_function("pattern => new RegExp(pattern).test(document.body.innerText)", arg=pattern)
+
+
+def test_an_episode_is_drawn_stepped_and_played_to_its_end(view: Any, open_page: Any) -> None:
+    page = open_page(view("--paused", "--object", "cabinet-0002", "--level", "3"))
+    first = until(page, lambda picture: share_of(picture, WHITE) > 0.005 and share_of(picture, ORANGE) > 1e-4)
+    state_is(page, "step 0 ")
+    press(page, "step")
+    press(page, "step")
+    state_is(page, "step 2 ")
+    press(page, "back")
+    state_is(page, "step 1 ")
+    press(page, "play")
+    state_is(page, "solved")
+    last = until(page, changed(first))
+    press(page, "restart")
+    state_is(page, "step 0 ")
+    until(page, changed(last))
+
+
+def test_switches_change_what_is_drawn(view: Any, open_page: Any) -> None:
+    page = open_page(view("--paused", "--object", "cabinet-0002", "--level", "3"))
+    before = until(page, lambda picture: share_of(picture, WHITE) > 0.005)
+    page.get_by_label("point cloud", exact=True).first.click()
+    with_cloud = until(page, changed(before))
+    page.get_by_label("surfaces", exact=True).first.click()
+    until(page, changed(with_cloud))
+
+
+def test_two_browsers_show_the_same(view: Any, open_page: Any) -> None:
+    address = view("--paused", "--task", "MoveBucket", "--policy", "still")
+    first, second = open_page(address), open_page(address)
+    press(first, "step")
+    for page in (first, second):
+        state_is(page, "step 1 ")
+
+
+def test_demonstrations_are_scrubbed(view: Any, open_page: Any) -> None:
+    page = open_page(view(str(PACK / "OpenCabinetDoor"), "--paused"))
+    first = until(page, lambda picture: share_of(picture, WHITE) > 0.005)
+    box = page.locator("input[inputmode=decimal]").first
+    box.fill("60")
+    box.press("Enter")
+    state_is(page, "step 60 ")
+    until(page, changed(first))
+
+
+def test_joints_of_an_object_are_moved_and_checked(view: Any, open_page: Any) -> None:
+    page = open_page(view("cabinet-0005"))
+    page.wait_for_timeout(2000)
+    closed = drawn(page)
+    press(page, "open")
+    until(page, changed(closed))
+    press(page, "check")
+    state_is(page, r"\d+ results, no fault")
+
+
+def test_an_exported_episode_plays_without_a_server(open_page: Any, tmp_path: Path) -> None:
+    pytest.importorskip("viser")
+    path = export_episode(LiveEpisode(EpisodeChoice("PushChair", "chair-0004")), tmp_path / "chair.html")
+    page = open_page(path.as_uri())
+    page.set_viewport_size({"width": 400, "height": 240})  # it plays without a pause
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    first = np.zeros((1, 1, 3), int)
+    for _ in range(60):  # it never settles
+        page.wait_for_timeout(500)
+        picture = drawn(page)
+        if share_of(picture, WHITE) > 0.005 and changed(first)(picture):
+            break
+        first = picture if share_of(picture, WHITE) > 0.005 else first
+    else:
+        pytest.fail("nothing moves")
+    assert not [url for url in asked if url.startswith("http")]
