@@ -2,7 +2,9 @@
 
 For some steps, as many as the level draws from 0 to 120, another acts: `noise` drives every joint at random, with
 a constant lean; a `student` does what the expert would, but slowly, with a lean, and shaking. Then the expert has
-200 steps. Prints a table: solved, steps of the expert, and the targets that were solved least.
+200 steps. Prints a table: solved, steps of the expert, and the targets that were solved least. An episode is lost
+before the expert begins where nobody could solve it: the object has fallen over, its ball is out, or the ways to
+the object and to its target are longer than the base drives in that time.
 """
 
 import argparse
@@ -16,10 +18,12 @@ from artiskill.assets.catalog import list_objects, load_object
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.experts.registry import make_expert
 from artiskill.gallery.facts import markdown
+from artiskill.tasks.move_bucket import ball_depth_m
 
 MOST_STEPS, EXPERT_STEPS = 120, 200
 BIAS, SHAKE, SHARE = 0.1, 0.3, 0.6  # of a student: its lean and noise in an action, what it does of what is wanted
 NOISE_BIAS, NOISE = 0.5, 0.5
+FALLEN_RAD = 0.6
 Beginner = Callable[[np.ndarray, np.ndarray, np.random.Generator], np.ndarray]
 
 
@@ -38,13 +42,14 @@ BEGINNERS: dict[str, Beginner] = {"nobody": lambda wanted, lean, rng: wanted, "s
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one episode; `steps` are the expert's."""
+    """What came of one episode; `steps` are the expert's; `lost`: nobody could have solved it from there."""
 
     object: str
     target: str
     level: int
     solved: bool
     steps: int
+    lost: bool
 
 
 def taken_over(env: ManipulationEnv, name: str, target: str, level: int, beginner: str) -> Outcome:
@@ -54,15 +59,31 @@ def taken_over(env: ManipulationEnv, name: str, target: str, level: int, beginne
     lean, expert = rng.normal(size=env.action_space.shape), make_expert(env.task.name, env.task.robot)
     begins = 0 if beginner == "nobody" else int(rng.integers(0, MOST_STEPS + 1))
     expert.reset(env.snapshot, env.goal)
-    solved = False
+    solved, lost = False, False
     for step in range(begins + EXPERT_STEPS):
+        if step == begins:
+            lost = is_lost(env)
         action = expert.act(env.snapshot, env.goal)
         if step < begins:
             action = BEGINNERS[beginner](action, lean, rng)
         _, _, solved, _, _ = env.step(np.clip(action, -1.0, 1.0).astype(np.float32))
         if solved:
             break
-    return Outcome(name, target, level, bool(solved), max(step + 1 - begins, 0))
+    return Outcome(name, target, level, bool(solved), max(step + 1 - begins, 0), lost)
+
+
+def is_lost(env: ManipulationEnv) -> bool:
+    """Return whether nobody could solve the episode any more in the expert's time."""
+    if env.task.category == "cabinet":
+        return False
+    now = env.snapshot
+    if now.link_rotation_w[0, 0, 2, 2] < np.cos(FALLEN_RAD):
+        return True
+    if env.task.category == "bucket" and ball_depth_m(now, env.goal)[0] < 0:
+        return True
+    position = now.link_position_w[0, 0, :2]
+    way = np.linalg.norm(position) + np.linalg.norm(position - now.robot_qpos[0, :2])
+    return bool(way > EXPERT_STEPS * now.step_s * env.task.robot.actions.base_velocity_m_s)
 
 
 def outcomes(task: str, objects: list[str], beginner: str, levels: range) -> Iterator[Outcome]:
@@ -84,8 +105,10 @@ def row(task: str, beginner: str, played: list[Outcome]) -> list[str]:
     }
     worst = sorted(targets, key=lambda each: (rates[each], each))[:3]
     steps = f"{np.mean([one.steps for one in solved]):.0f}" if solved else ""
+    kept = [one.solved for one in played if one.solved or not one.lost]
     return [
-        *(task, beginner, str(len(targets)), str(len(played)), f"{len(solved) / len(played):.1%}", steps),
+        *(task, beginner, str(len(targets)), str(len(played)), f"{len(solved) / len(played):.1%}"),
+        *(str(len(played) - len(kept)), f"{np.mean(kept):.1%}" if kept else "", steps),
         ", ".join(
             f"{name} {target} {rates[name, target]:.0%}" for name, target in worst if rates[name, target] < 1
         ),
@@ -109,8 +132,13 @@ def main(arguments: list[str]) -> int:
             rows.append(row(task, beginner, played))
             for one in played:
                 if not one.solved:
-                    print(f"not solved: {task} {beginner} {one.object} {one.target} {one.level}", file=sys.stderr)
-    head = ["task", "before the expert", "targets", "episodes", "solved", "steps of the expert", "solved least"]
+                    lost = ", lost before" if one.lost else ""
+                    print(
+                        f"not solved: {task} {beginner} {one.object} {one.target} {one.level}{lost}",
+                        file=sys.stderr,
+                    )
+    head = ["task", "before the expert", "targets", "episodes", "solved", "lost before"]
+    head += ["solved of the rest", "steps of the expert", "solved least"]
     print(markdown(head, rows))
     return 0
 

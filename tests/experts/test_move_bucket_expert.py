@@ -306,6 +306,34 @@ def test_hands_keep_off_the_bail(config: MoveBucketExpertConfig) -> None:
     assert missing_m(press) < 0.001
 
 
+def test_hands_stay_clear_of_the_platform(env: ManipulationEnv, config: MoveBucketExpertConfig) -> None:
+    """A bucket that was dropped stands right before it."""
+    moved = env.snapshot.link_position_w.copy()
+    moved[0, :, :2] += (0.44, 0.0) - moved[0, 0, :2]
+    snapshot = dataclasses.replace(env.snapshot, link_position_w=moved)
+
+    def lowest_above_platform(weight: float) -> float:
+        chosen = dataclasses.replace(config.press, platform_weight=weight, side_rad=1.57, side_weight=10.0)
+        press = choose_press(snapshot, env.goal, chosen)
+        left = moved[0, 0, :2] + press.reach_m[1] * np.array(
+            (
+                np.cos(press.direction_rad + heading(snapshot)),
+                np.sin(press.direction_rad + heading(snapshot)),
+            )
+        )
+        right = 2 * moved[0, 0, :2] - left
+        near = min(np.abs(left).max(), np.abs(right).max())
+        return press.height_m if near < 0.35 else np.inf
+
+    assert lowest_above_platform(0.0) < 0.13
+    assert lowest_above_platform(60.0) > 0.13
+
+
+def heading(snapshot: Snapshot) -> float:
+    """The bucket's yaw."""
+    return float(np.arctan2(snapshot.link_rotation_w[0, 0, 1, 0], snapshot.link_rotation_w[0, 0, 0, 0]))
+
+
 def test_a_gap_between_two_staves_does_not_matter(env: ManipulationEnv, config: MoveBucketExpertConfig) -> None:
     whole = choose_press(env.snapshot, env.goal, config.press)
     outline = env.goal.outline.copy()

@@ -44,6 +44,9 @@ class PressConfig:
     width_weight: float  # cost of a metre by which the bucket is wider there than at its narrowest
     height_weight: float  # cost of a whole body's height of distance from the best height
     bail_weight: float  # cost of a metre that is missing to the bail's clearance
+    platform_weight: float  # cost of a metre by which a hand that is above the platform, or near it, is too low
+    platform_half_m: float  # half the width of the square that counts as such
+    platform_clear_m: float  # height of a hand that is high enough
     platform_side_rad: float  # the robot stays beyond the bucket as seen from the platform, up to this far aside
 
     def __post_init__(self) -> None:
@@ -51,6 +54,7 @@ class PressConfig:
         check_inside("share", self.share, (0, 1))
         check_not_negative(self, "least_height_m", "bail_clearance_m", "bail_band_m", "platform_side_rad")
         check_not_negative(self, "turn_weight", "side_weight", "width_weight", "height_weight", "bail_weight")
+        check_not_negative(self, "platform_weight", "platform_half_m", "platform_clear_m")
 
 
 @dataclass(frozen=True)
@@ -140,8 +144,9 @@ def choose_press(snapshot: Snapshot, goal: BucketGoal, wall: Wall, config: Press
     cost += (config.height_weight * np.abs(np.array(OUTLINE_LEVELS) - config.share))[:, None]
     cost += np.where(wall.heights_m < config.least_height_m, 100.0, 0.0)[:, None]
     cost += _turn_cost(snapshot, wall.directions_rad, config)
-    missing = _missing_clearance(snapshot, goal, wall, config)
-    cost += config.bail_weight * (missing + np.roll(missing, -half, axis=1))
+    missing = config.bail_weight * _missing_clearance(snapshot, goal, wall, config)
+    missing += config.platform_weight * _too_low(snapshot, wall, config)
+    cost += missing + np.roll(missing, -half, axis=1)
     level, direction = np.unravel_index(int(np.argmin(cost)), cost.shape)
     return wall.place(int(level), int(direction))
 
@@ -173,6 +178,17 @@ def _missing_clearance(snapshot: Snapshot, goal: BucketGoal, wall: Wall, config:
     gap = np.where(before, np.abs(points[:, 2] - wall.heights_m[:, None, None]), np.inf)
     missing: np.ndarray = np.maximum(config.bail_clearance_m - gap.min(axis=-1), 0.0)
     return missing
+
+
+def _too_low(snapshot: Snapshot, wall: Wall, config: PressConfig) -> np.ndarray:
+    """Return by how much a place is too low for a hand, if the platform is beneath it, (Z, K)."""
+    cos, sin = np.cos(wall.directions_rad), np.sin(wall.directions_rad)
+    heights = np.broadcast_to(wall.heights_m[:, None], wall.reach_m.shape)
+    places = np.stack((wall.reach_m * cos, wall.reach_m * sin, heights), axis=-1)  # (Z, K, 3)
+    places = places @ snapshot.link_rotation_w[0, 0].T + snapshot.link_position_w[0, 0]
+    above = np.abs(places[..., :2]).max(axis=-1) < config.platform_half_m
+    low: np.ndarray = above * np.maximum(config.platform_clear_m - places[..., 2], 0.0)
+    return low
 
 
 def _wrapped(angle: np.ndarray) -> np.ndarray:
