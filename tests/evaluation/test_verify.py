@@ -1,7 +1,9 @@
 """Reports that anyone can check: honest ones hold, and whatever is changed is found."""
 
 import json
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,7 @@ import pytest
 
 import artiskill
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.errors import ConfigError
+from artiskill.errors import ArtiSkillError, ConfigError
 from artiskill.evaluation.evaluate import evaluate, run_episode
 from artiskill.evaluation.plan import plan_evaluation
 from artiskill.evaluation.policies import StillActor
@@ -278,6 +280,32 @@ def test_what_is_no_report(folder: Path, tmp_path: Path, change: Callable[[Any],
 def test_a_folder_without_a_report(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"is no whole report: config\.yaml: No such file"):
         verify_report(tmp_path)
+
+
+def paths_in(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    if path:
+        yield path
+    keys = value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ()
+    for key in keys:
+        yield from paths_in(value[key], (*path, key))
+
+
+def test_nonsense_is_an_error_or_a_difference(folder: Path, tmp_path: Path, rng: np.random.Generator) -> None:
+    path = copied(folder, tmp_path) / "report.json"
+    text = path.read_text()
+    # configurations have tests of their own, and only who has the policy can tell whether it is another
+    places = [one for one in paths_in(json.loads(text)) if one[0] not in ("config", "policy_sha256")]
+    for _ in range(40):
+        data = json.loads(text)
+        *keys, last = places[rng.integers(len(places))]
+        place = data
+        for key in keys:
+            place = place[key]
+        nonsense = [None, -1, 10**30, 1.5, "x", "../../etc", [], {}, [1], math.nan]
+        place[last] = nonsense[rng.integers(len(nonsense))]
+        path.write_text(json.dumps(data | {"sha256": mapping_sha256(data)}, indent=2) + "\n")
+        with suppress(ArtiSkillError):
+            assert faults(tmp_path) or path.read_text() == text, (keys, last, place[last])
 
 
 def test_other_versions_are_one_difference(report: Report, tmp_path: Path) -> None:
