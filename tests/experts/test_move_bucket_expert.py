@@ -8,12 +8,11 @@ import pytest
 from artiskill.assets.catalog import load_object
 from artiskill.config import CONFIG_DIR, load_config
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.experts.command import Command
 from artiskill.experts.move_bucket import MoveBucketExpert, MoveBucketExpertConfig, PressConfig, bucket_wall
 from artiskill.experts.move_bucket import choose_press as choose_press_of
 from artiskill.experts.variation import load_variation, varied
 from artiskill.experts.walls import Press
-from artiskill.experts.whole_body import WholeBodyConfig, WholeBodyController
+from artiskill.experts.whole_body import Command, WholeBodyConfig, WholeBodyController
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.move_bucket import BucketGoal, make_bucket_goal
 

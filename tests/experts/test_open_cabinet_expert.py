@@ -11,12 +11,11 @@ import pytest
 from artiskill.assets.catalog import list_objects
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.experts import door_opening
-from artiskill.experts.command import Grip
 from artiskill.experts.door_opening import door_of
 from artiskill.experts.frames import rotation_error, yaw_rotation
 from artiskill.experts.handle_grasp import CabinetPhase, rest_posture
 from artiskill.experts.open_cabinet import OpenCabinetExpert
-from artiskill.experts.whole_body import WholeBodyConfig, WholeBodyController, bounded_least_squares
+from artiskill.experts.whole_body import Grip, WholeBodyConfig, WholeBodyController, bounded_least_squares
 from artiskill.robots.arm_config import load_arm
 from artiskill.sim.snapshot import Snapshot
 

@@ -17,8 +17,7 @@ from tests.learning.clouds import observe
 from artiskill.config import from_mapping, to_mapping
 from artiskill.errors import ConfigError, UnknownNameError
 from artiskill.evaluation.evaluate import evaluate
-from artiskill.experts.command import Command, Grip
-from artiskill.experts.whole_body import WholeBodyConfig
+from artiskill.experts.whole_body import Command, Grip, WholeBodyConfig
 from artiskill.learning.array_policy import ArrayPolicy
 from artiskill.learning.batch import Batch, Sizes, Statistics
 from artiskill.learning.commands import CommandSpace

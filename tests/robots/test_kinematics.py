@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from artiskill.assets.catalog import load_object
-from artiskill.experts.command import Command, CommandController, Grip
-from artiskill.experts.whole_body import WholeBodyConfig, WholeBodyController
+from artiskill.experts.whole_body import Command, CommandController, Grip, WholeBodyConfig, WholeBodyController
 from artiskill.robots.arm_config import load_arm
 from artiskill.robots.config import RobotConfig, load_robot
 from artiskill.robots.kinematics import RobotKinematics

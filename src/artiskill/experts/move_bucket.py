@@ -16,10 +16,10 @@ from artiskill.config import (
     check_value,
     load_config,
 )
-from artiskill.experts.command import Command
 from artiskill.experts.frames import curved, limited, ramp
 from artiskill.experts.pressing import Body, PressingConfig, PressingHands, View
 from artiskill.experts.walls import Press, Wall, wall_of
+from artiskill.experts.whole_body import Command
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.grasp_candidates import OUTLINE_LEVELS

@@ -12,7 +12,6 @@ import numpy as np
 
 from artiskill.config import CONFIG_DIR, check_inside, check_positive, load_config
 from artiskill.experts import door_opening
-from artiskill.experts.command import Command, CommandController, Grip, in_base_axes
 from artiskill.experts.door_opening import Door, DoorConfig, door_of
 from artiskill.experts.frames import Frame, Motion, head_for, limited, ramp, rotation_error, tool_frame
 from artiskill.experts.handle_grasp import (
@@ -30,7 +29,15 @@ from artiskill.experts.handle_grasp import (
     tilt_of,
     tilted,
 )
-from artiskill.experts.whole_body import TRUNK, WholeBodyConfig, WholeBodyController
+from artiskill.experts.whole_body import (
+    TRUNK,
+    Command,
+    CommandController,
+    Grip,
+    WholeBodyConfig,
+    WholeBodyController,
+    in_base_axes,
+)
 from artiskill.robots.arm_config import load_arm
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot

@@ -12,10 +12,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from artiskill.config import check_inside, check_not_negative, check_positive, check_vector
-from artiskill.experts.command import Command, CommandController, Grip, in_base_axes, in_hand_axes
 from artiskill.experts.frames import limited, ramp, rotation_error
 from artiskill.experts.walls import Press, Wall
-from artiskill.experts.whole_body import TRUNK, WholeBodyConfig, WholeBodyController
+from artiskill.experts.whole_body import (
+    TRUNK,
+    Command,
+    CommandController,
+    Grip,
+    WholeBodyConfig,
+    WholeBodyController,
+    in_base_axes,
+    in_hand_axes,
+)
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from artiskill.config import CONFIG_DIR, check_inside, check_not_negative, check_positive, check_value, load_config
-from artiskill.experts.command import Command
 from artiskill.experts.frames import curved, limited, ramp
 from artiskill.experts.pressing import Body, PressingConfig, PressingHands
 from artiskill.experts.walls import Press, wall_of
+from artiskill.experts.whole_body import Command
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.push_chair import ChairGoal

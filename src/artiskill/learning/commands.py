@@ -1,6 +1,6 @@
 """Commands as numbers that a network can give, and a command's way from there to an action.
 
-A policy that learns commands (`artiskill.experts.command`) gives several of them, and says which it is: one for
+A policy that learns commands (`artiskill.experts.whole_body`) gives several of them, and says which it is: one for
 each phase of the work, and, of a single hand, for each way that the hand may roll, as handles can be gripped in
 several rolls. The likeliest one acts; a regression would act by their mean, which leads nowhere. NumPy, or torch
 where arrays are tensors; imports no torch.
@@ -14,8 +14,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from artiskill.config import check_positive
-from artiskill.experts.command import Command, CommandController, Grip
-from artiskill.experts.whole_body import TRUNK, WholeBodyConfig, WholeBodyController
+from artiskill.experts.whole_body import (
+    TRUNK,
+    Command,
+    CommandController,
+    Grip,
+    WholeBodyConfig,
+    WholeBodyController,
+)
 from artiskill.robots.config import RobotConfig
 from artiskill.robots.kinematics import RobotKinematics
 

@@ -16,7 +16,7 @@ from torch.nn.functional import cross_entropy, smooth_l1_loss
 from torch.optim import AdamW
 
 from artiskill.config import check_inside, check_not_negative, check_positive, check_value, from_mapping
-from artiskill.experts.command import Grip
+from artiskill.experts.whole_body import Grip
 from artiskill.learning.algorithm import Algorithm, Autocast, MakeNetwork, Sync, descend
 from artiskill.learning.batch import Batch, Observation, Sizes
 from artiskill.learning.commands import GRIPS, CommandSpace
