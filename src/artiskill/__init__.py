@@ -21,6 +21,7 @@ _PUBLIC = {
     "list_objects": "artiskill.assets.catalog",
     "load_demo_pack": "artiskill.demos.demos",
     "load_object": "artiskill.assets.catalog",
+    "load_policy": "artiskill.learning.array_policy",
     "evaluate": "artiskill.evaluation.evaluate",
     "ManipulationEnv": "artiskill.envs.manipulation",
     "ManipulationVectorEnv": "artiskill.envs.vector_env",

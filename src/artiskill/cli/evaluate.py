@@ -84,7 +84,9 @@ def _add_evaluate(commands: Any) -> None:
     add = parser.add_argument
     task = f"name of the task, or module:Task (default: that of a trained policy, else {_TASK})"
     add("--task", help=task)
-    policies = "expert, demonstrator, random, still, path/to/solution.py or a training run (default: expert)"
+    policies = (
+        "expert, demonstrator, random, still, pretrained, path/to/solution.py or a training run (default: expert)"
+    )
     add("--policy", default="expert", help=policies)
     add(
         "--protocol",

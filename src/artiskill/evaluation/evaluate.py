@@ -73,9 +73,9 @@ def evaluate(
 
     Args:
         task: name of the task.
-        policy: `expert`, `demonstrator`, `random`, `still`, path of a solution file, function (observation) ->
-            action, or object with `obs_mode`, `reset(observation, info)` and `act(observation)`, and with
-            `control_mode` unless that is `joint`.
+        policy: `expert`, `demonstrator`, `random`, `still`, `pretrained`, path of a solution file, function
+            (observation) -> action, or object with `obs_mode`, `reset(observation, info)` and `act(observation)`,
+            and with `control_mode` unless that is `joint`.
         objects: a split, an id, a list of ids, or `ArticulatedObject`s.
         episodes: per object.
         first_level: of each object.

@@ -16,12 +16,14 @@ from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ConfigError, PolicyError, shown
 from artiskill.evaluation.policies import (
     LOAD_TIMEOUT_S,
+    PRETRAINED,
     PRIVILEGED_POLICIES,
     Actor,
     check_time_limit,
     load_policy,
     load_within,
     policy_digest,
+    policy_of_task,
     solution_path,
 )
 from artiskill.evaluation.protocols import (
@@ -173,6 +175,8 @@ def plan_evaluation(
     if salt is not None and first_level != 0:
         raise ConfigError(f"fresh levels have no first one: leave first_level at 0, not {shown(first_level)}")
     check_time_limit(load_timeout_s, "for loading a policy")
+    name = PRETRAINED if policy == PRETRAINED else None
+    policy = policy_of_task(policy, task)
     actor = inspect_policy(policy, load_timeout_s)
     overrides = merge_overrides(actor.observation_config or {}, config or {})
     resolved = make_task(task, overrides)
@@ -192,7 +196,7 @@ def plan_evaluation(
     track = checked_track(track, isinstance(policy, str) and policy in PRIVILEGED_POLICIES, modes[0])
     digest = policy_digest(policy)
     return EvaluationPlan(
-        resolved, actor.name, policy, digest, *modes, batches, protocol, salt, track, load_timeout_s
+        resolved, name or actor.name, policy, digest, *modes, batches, protocol, salt, track, load_timeout_s
     )
 
 

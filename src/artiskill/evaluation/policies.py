@@ -18,7 +18,7 @@ from artiskill.evaluation.solution import FileSolution, ObjectSolution, Solution
 from artiskill.experts.registry import Expert, make_expert
 from artiskill.files import is_folder
 from artiskill.jobs.worker import NO_DEADLINE, Deadline, Send
-from artiskill.learning.array_policy import ArrayPolicy
+from artiskill.learning.array_policy import ArrayPolicy, pretrained_file
 from artiskill.learning.run import load_run, read_info, run_folder, weights_digest, weights_file
 from artiskill.tasks.levels import RngStream, level_generator
 
@@ -203,17 +203,27 @@ _ACTORS: Mapping[str, Callable[[], Actor]] = {
     "random": RandomActor,
     "still": StillActor,
 }
-POLICY_NAMES = tuple(_ACTORS)
+PRETRAINED = "pretrained"  # which policy that is depends on the task
+POLICY_NAMES = (*_ACTORS, PRETRAINED)
 PRIVILEGED_POLICIES = ("expert", "demonstrator")  # they read the simulation's state
+
+
+def policy_of_task(policy: Any, task: str) -> Any:
+    """Return the path of the task's own policy for `pretrained`, any other policy as it is.
+
+    Raises:
+        PolicyError: no policy comes with the package for the task.
+    """
+    return str(pretrained_file(task)) if policy == PRETRAINED else policy
 
 
 def load_policy(policy: Any) -> Actor:
     """Return the actor of a name, of a file or folder, or of a function or `Policy` object.
 
     Args:
-        policy: one of `POLICY_NAMES`, the path of a Python file (see docs/evaluation.md), of the folder of a
-            training run or of a file exported from it, a function (observation) -> action, or an object with
-            `obs_mode`, `reset`, `act` and perhaps `control_mode` and `sampling`.
+        policy: one of `POLICY_NAMES` but `pretrained`, the path of a Python file (see docs/evaluation.md), of the
+            folder of a training run or of a file exported from it, a function (observation) -> action, or an
+            object with `obs_mode`, `reset`, `act` and perhaps `control_mode` and `sampling`.
 
     Raises:
         UnknownNameError: text that is neither a policy's name nor looks like a Python file or a run's folder.
@@ -247,7 +257,7 @@ def solution_path(policy: Any) -> Path | None:
 
 def is_run(policy: Any) -> bool:
     """Whether a policy is the folder of a training run, a checkpoint in it, or a file exported from it."""
-    if not isinstance(policy, str | Path) or str(policy) in _ACTORS:
+    if not isinstance(policy, str | Path) or str(policy) in POLICY_NAMES:
         return False
     return is_folder(policy) or Path(policy).suffix in (CHECKPOINT, ARRAYS)
 

@@ -21,7 +21,7 @@ from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ArtiSkillError, ConfigError, shown
 from artiskill.evaluation.evaluate import ReplayJob, prepare_workers, replay, run_evaluation
 from artiskill.evaluation.plan import EpisodeBatch, EvaluationPlan, inspect_policy, name_batches
-from artiskill.evaluation.policies import policy_digest
+from artiskill.evaluation.policies import policy_digest, policy_of_task
 from artiskill.evaluation.protocols import ANY_TARGET
 from artiskill.evaluation.report import (
     ACTIONS_FILE,
@@ -360,6 +360,7 @@ def verify_policy(
     """
     stored = read_report(folder)
     check(count >= 1, f"the number of objects to play again must be at least 1, not {count}")
+    policy = policy_of_task(policy, stored.report.task)
     plan, spec = plan_again(stored.report, objects), inspect_policy(policy)
     if policy_digest(policy) != stored.report.policy_sha256 or spec.sampling != stored.report.sampling:
         return VerifyResult(0, 0, (f"{policy} is not the policy of the report: its sha256 or sampling differs",))

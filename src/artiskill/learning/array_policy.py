@@ -35,6 +35,7 @@ PARTS: Mapping[str, tuple[str, ...]] = {
     "bcq": ("decoder.", "critics.0.", "latents"),
     "dagger": ("policy.",),
 }
+_PACKAGED = Path(__file__).with_name("pretrained")  # policies that come with the package, a file for each task
 _HEADER = "header"
 _MOST_BYTES = 1_000_000_000  # the paper's largest network has 20 MB, twice in BCQ
 _MOST_POINTS, _MOST_AGENT, _MOST_ACTION = 1_000_000, 10_000, 1_000
@@ -108,6 +109,31 @@ def write_policy(path: Path, header: Header, weights: Mapping[str, np.ndarray]) 
             np.savez(file, **{_HEADER: np.array(text), **needed})  # type: ignore[arg-type]
     except OSError as error:
         raise PolicyError(f"cannot write {str(path)!r}: {error.strerror}") from error
+
+
+def pretrained_file(task: str) -> Path:
+    """Return the file of the policy that comes with the package for a task.
+
+    Raises:
+        PolicyError: there is none.
+    """
+    path = _PACKAGED / f"{task}{SUFFIX}"
+    if not path.is_file():
+        names = ", ".join(sorted(one.stem for one in _PACKAGED.glob(f"*{SUFFIX}"))) or "none"
+        raise PolicyError(f"no trained policy comes with the package for {task}; for {names} one does")
+    return path
+
+
+def load_policy(task: str) -> "ArrayPolicy":
+    """Return the policy that comes with the package for a task; it sees point clouds and needs no torch.
+
+    Args:
+        task: name of one of the benchmark's tasks.
+
+    Raises:
+        PolicyError: none comes with the package for it.
+    """
+    return ArrayPolicy(pretrained_file(task))
 
 
 def make_actor(commands: Mapping[str, Any]) -> "CommandActor":
