@@ -3,10 +3,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import artiskill
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.errors import UnknownNameError
-from artiskill.evaluation.evaluate import run_episode
+from artiskill.errors import PolicyError, UnknownNameError
+from artiskill.evaluation.evaluate import evaluate, run_episode
 from artiskill.evaluation.policies import Actor, RandomActor, load_policy
+from artiskill.learning.array_policy import pretrained_file
+from artiskill.tasks.registry import task_names
 
 
 @pytest.fixture(scope="module")
@@ -53,3 +56,31 @@ def test_unknown_names() -> None:
 def test_paths_may_be_text_or_path(root: Path) -> None:
     path = root / "examples" / "solution_example.py"
     assert load_policy(path).name == load_policy(str(path)).name == str(path)
+
+
+@pytest.mark.parametrize(
+    ("task", "category"),
+    [
+        ("OpenCabinetDrawer", "cabinet"),
+        ("OpenCabinetDoor", "cabinet"),
+        ("PushChair", "chair"),
+        ("MoveBucket", "bucket"),
+    ],
+)
+def test_a_policy_of_the_package_solves_an_object_that_it_has_never_seen(task: str, category: str) -> None:
+    number = 3000003 if task == "OpenCabinetDoor" else 3000000  # the first with a door, a drawer
+    report = evaluate(task, "pretrained", f"generated:{category}:{number}", 1)
+    assert report.success_rate == 1
+    assert (report.policy, report.obs_mode) == ("pretrained", "pointcloud")
+    assert report.policy_sha256 is not None
+
+
+def test_policies_of_the_package() -> None:
+    policy = artiskill.load_policy("PushChair")
+    assert (policy.header.task, policy.header.algorithm) == ("PushChair", "dagger")
+    with pytest.raises(
+        PolicyError, match="no trained policy comes with the package for Fold; for MoveBucket, Open"
+    ):
+        artiskill.load_policy("Fold")
+    files = [pretrained_file(task).stat().st_size for task in task_names()]
+    assert sum(files) <= 8_000_000

@@ -18,7 +18,7 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.rendering import HEIGHT, WIDTH, Viewpoint
 from artiskill.errors import ConfigError, shown
 from artiskill.evaluation.evaluate import run_episode
-from artiskill.evaluation.policies import Actor, load_policy
+from artiskill.evaluation.policies import Actor, load_policy, policy_of_task
 from artiskill.evaluation.recording import FRAMES_PER_S, LAST_FRAME_S, EpisodeRecorder, check_video, draw_moments
 from artiskill.evaluation.scene_pictures import PictureStyle, check_size
 from artiskill.evaluation.video import write_video
@@ -119,7 +119,7 @@ def save_episode_picture(path: Path | str, episode: EpisodeChoice, style: Pictur
     if moving and step:
         raise ConfigError("a step is only for still pictures; a video shows the whole episode")
     level = check_level(episode.level)
-    actor = load_policy(episode.policy) if moving or step else None
+    actor = load_policy(policy_of_task(episode.policy, episode.task)) if moving or step else None
     env = episode.make_env(actor)
     if not moving or actor is None:
         _run_steps(env, actor, level, step)

@@ -20,7 +20,7 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.state import EnvState
 from artiskill.errors import DemoError, PolicyError, check_name
 from artiskill.evaluation.pictures import EpisodeChoice
-from artiskill.evaluation.policies import Actor, load_policy
+from artiskill.evaluation.policies import Actor, load_policy, policy_of_task
 from artiskill.geometry.rotations import quat_conjugate, quat_from_matrix, quat_multiply, quat_to_rotation_vector
 from artiskill.robots.operational_space import TRUNK
 from artiskill.scene.scene import Scene
@@ -198,7 +198,7 @@ class LiveEpisode(Timeline):
 
     def __init__(self, choice: EpisodeChoice) -> None:
         level = check_level(choice.level)
-        self._actor: Actor = load_policy(choice.policy)
+        self._actor: Actor = load_policy(policy_of_task(choice.policy, choice.task))
         self._env = choice.make_env(self._actor)
         self._observation, info = self._env.reset(options={"level": level})
         self._actor.reset(self._env, self._observation, info)
