@@ -26,7 +26,7 @@ SMALL = {
 NEEDS = {"04_train_ppo.py": "stable_baselines3", "05_train_ppo_many.py": "stable_baselines3"}
 SAYS = {
     "01_first_steps.py": ("open link_", "reward "),
-    "02_expert.py": ("reach", "pull", ": solved after"),
+    "02_expert.py": ("approach", "pull", ": solved after"),
     "03_evaluate_your_policy.py": ("expert: 100% solved", "solution_example.py: 0% solved", "Sway: 0% solved"),
     "04_train_ppo.py": ("0% solved", "wrote episodes.csv, curve.png"),
     "05_train_ppo_many.py": ("4 environments, 10 objects", "saved many"),

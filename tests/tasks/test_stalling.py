@@ -26,18 +26,18 @@ def play(env: ManipulationEnv, push: float | None) -> tuple[float, bool]:
 
 
 @pytest.mark.parametrize(
-    ("task", "object_id"),
+    ("task", "object_id", "pushes"),
     [
-        ("OpenCabinetDrawer", "cabinet-0003"),
-        pytest.param("PushChair", "chair-0001", marks=pytest.mark.slow),
-        pytest.param("MoveBucket", "bucket-0001", marks=pytest.mark.slow),
+        ("OpenCabinetDrawer", "cabinet-0003", [FORWARD]),  # pulled back, it stands still at its end
+        pytest.param("PushChair", "chair-0001", [FORWARD, BACK], marks=pytest.mark.slow),
+        pytest.param("MoveBucket", "bucket-0001", [FORWARD, BACK], marks=pytest.mark.slow),
     ],
 )
-def test_an_expert_that_never_finishes_earns_less(task: str, object_id: str) -> None:
+def test_an_expert_that_never_finishes_earns_less(task: str, object_id: str, pushes: list[float]) -> None:
     env = ManipulationEnv(task, objects=object_id)
     finished, solved = play(env, None)
     assert solved
-    for push in (FORWARD, BACK):
+    for push in pushes:
         stalled, solved = play(env, push)
         assert not solved, "this test means to stall"
         assert stalled < finished - 10

@@ -344,10 +344,8 @@ class ShareSampler:
             1 <= len(self.shares) <= most and min(self.shares) >= 0,
             f"shares needs 1 to {most} numbers of at least 0, not {list(self.shares)}",
         )
-        check(
-            sum(self.shares) == self.num_points,
-            f"the sum of shares must be num_points = {self.num_points}, not {sum(self.shares)}",
-        )
+        total = int(math.fsum(self.shares))
+        check(total == self.num_points, f"the sum of shares must be num_points = {self.num_points}, not {total}")
 
     def choose(self, codes: np.ndarray, positions_of: PositionsOf, rng: np.random.Generator) -> np.ndarray:
         """Points mask after mask, in random order."""
