@@ -31,13 +31,12 @@ from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ArtiSkillError, ConfigError, DemoError, UnknownNameError, check_name, shown
 from artiskill.files import parse_json
 from artiskill.tasks.levels import check_level
-from artiskill.tasks.registry import make_task
+from artiskill.tasks.registry import SEEN_SECTIONS, make_task
 from artiskill.tasks.task import Task
 
 SIMULATE, RESTORE = "simulate", "restore"
 WAYS: tuple[str, ...] = (SIMULATE, RESTORE)
-# parts of a task's configuration that change what is seen, and nothing of what happens
-_SEEN = ("cameras.", "render.")
+_SEEN = tuple(f"{section}." for section in SEEN_SECTIONS)
 _MOST_NAMED = 3  # differences
 
 

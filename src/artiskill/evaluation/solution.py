@@ -27,8 +27,8 @@ from artiskill.errors import ArtiSkillError, PolicyError, UnknownNameError, show
 from artiskill.evaluation import solution_process as wire
 from artiskill.evaluation.solution_process import SolutionCode, SolutionError
 from artiskill.files import open_regular, parse_json
+from artiskill.tasks.registry import SEEN_SECTIONS
 
-_SEEN = ("cameras", "render")  # sections of a task's configuration that change what is seen, nothing else
 _DECLARED = ("obs_mode", "control_mode", "sampling", "observation_config")
 _MOST_SAID, _MOST_TEXT = 100_000, 500  # bytes of a frame that is not an action; characters of what it complains of
 _ENDING_S = 1.0  # for a process whose socket is closed
@@ -366,7 +366,7 @@ def _checked_observation_config(given: Any, name: str) -> Mapping[str, Any] | No
     """
     if given is None:
         return None
-    if not isinstance(given, Mapping) or any(str(key).partition(".")[0] not in _SEEN for key in given):
-        legal = " and ".join(f"{key!r}" for key in _SEEN)
+    if not isinstance(given, Mapping) or any(str(key).partition(".")[0] not in SEEN_SECTIONS for key in given):
+        legal = " and ".join(f"{key!r}" for key in SEEN_SECTIONS)
         raise PolicyError(f"{name}: observation_config changes the sections {legal} only, not {shown(given)}")
     return given

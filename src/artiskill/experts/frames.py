@@ -92,6 +92,11 @@ def ramp(value: float, low: float, high: float) -> float:
     return min(max((float(value) - low) / (high - low), 0.0), 1.0)
 
 
+def wrapped(angle_rad: np.ndarray) -> np.ndarray:
+    """Return angles within half a turn of 0."""
+    return np.arctan2(np.sin(angle_rad), np.cos(angle_rad))
+
+
 def curved(velocity: np.ndarray, angle_rad: float) -> np.ndarray:
     """Return a velocity on the floor, (2,), turned aside by at most 1.2 rad: it must come nearer to its target."""
     angle = min(max(angle_rad, -_MOST_ASIDE_RAD), _MOST_ASIDE_RAD)

@@ -16,7 +16,7 @@ from artiskill.config import (
     check_value,
     load_config,
 )
-from artiskill.experts.frames import curved, limited, ramp
+from artiskill.experts.frames import curved, limited, ramp, wrapped
 from artiskill.experts.pressing import Body, PressingConfig, PressingHands, View
 from artiskill.experts.walls import Press, Wall, wall_of
 from artiskill.experts.whole_body import Command
@@ -157,9 +157,9 @@ def _turn_cost(snapshot: Snapshot, directions: np.ndarray, config: PressConfig) 
     x_axis = snapshot.link_rotation_w[0, 0, :2, 0]
     heading = directions + np.arctan2(x_axis[1], x_axis[0]) - np.pi / 2  # the robot's, with that to its left
     now, outwards = (np.arctan2(*v[::-1]) for v in (bucket - base, bucket))
-    turn, aside = np.abs(_wrapped(heading - now)), _wrapped(heading + np.pi - outwards)
+    turn, aside = np.abs(wrapped(heading - now)), wrapped(heading + np.pi - outwards)
     too_far = np.maximum(np.abs(aside) - config.platform_side_rad, 0.0)
-    cost = config.turn_weight * turn**2 + config.side_weight * _wrapped(aside - config.side_rad) ** 2
+    cost = config.turn_weight * turn**2 + config.side_weight * wrapped(aside - config.side_rad) ** 2
     return cost + 10 * too_far + np.where(turn > np.pi / 2, 100.0, 0.0)
 
 
@@ -189,7 +189,3 @@ def _too_low(snapshot: Snapshot, wall: Wall, config: PressConfig) -> np.ndarray:
     above = np.abs(places[..., :2]).max(axis=-1) < config.platform_half_m
     low: np.ndarray = above * np.maximum(config.platform_clear_m - places[..., 2], 0.0)
     return low
-
-
-def _wrapped(angle: np.ndarray) -> np.ndarray:
-    return np.arctan2(np.sin(angle), np.cos(angle))

@@ -13,7 +13,7 @@ import numpy as np
 from artiskill.config import CONFIG_DIR, check_inside, check_positive, load_config
 from artiskill.experts import door_opening
 from artiskill.experts.door_opening import Door, DoorConfig, door_of
-from artiskill.experts.frames import Frame, Motion, head_for, limited, ramp, rotation_error, tool_frame
+from artiskill.experts.frames import Frame, Motion, head_for, limited, ramp, rotation_error, tool_frame, wrapped
 from artiskill.experts.handle_grasp import (
     CabinetPhase,
     GraspConfig,
@@ -254,5 +254,5 @@ class OpenCabinetExpert:
     def _trunk_qvel(self, snapshot: Snapshot, wanted: Frame) -> np.ndarray:
         """Towards the base pose and lift from which the arm in its posture would reach the wanted pose, (4,)."""
         error = self._stance.joints(wanted)[:TRUNK] - snapshot.robot_qpos[0, :TRUNK]
-        error[2] = np.arctan2(np.sin(error[2]), np.cos(error[2]))
+        error[2] = wrapped(error[2])
         return in_base_axes(snapshot, self.config.posture_gain_s * error)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from artiskill.config import CONFIG_DIR, check_inside, check_not_negative, check_positive, check_value, load_config
-from artiskill.experts.frames import curved, limited, ramp
+from artiskill.experts.frames import curved, limited, ramp, wrapped
 from artiskill.experts.pressing import Body, PressingConfig, PressingHands
 from artiskill.experts.walls import Press, wall_of
 from artiskill.experts.whole_body import Command
@@ -115,14 +115,10 @@ def choose_press(snapshot: Snapshot, seat: Body, config: SeatConfig) -> Press:
     yaw = math.atan2(seat.rotation[1, 0], seat.rotation[0, 0])
     heading = wall.directions_rad + yaw - np.pi / 2  # the robot's, with that to its left
     way = seat.position[:2] - snapshot.robot_qpos[0, :2]
-    turn = np.abs(_wrapped(heading - math.atan2(way[1], way[0])))
-    aside = _wrapped(heading - math.atan2(-chair[1], -chair[0]) - config.side_rad)
-    front = _wrapped(heading - yaw)  # a chair faces its -x
+    turn = np.abs(wrapped(heading - math.atan2(way[1], way[0])))
+    aside = wrapped(heading - math.atan2(-chair[1], -chair[0]) - config.side_rad)
+    front = wrapped(heading - yaw)  # a chair faces its -x
     cost = config.width_weight * (width - width.min()) + config.turn_weight * turn**2
     cost += config.blocked_weight * (wall.blocked_m[0] + np.roll(wall.blocked_m[0], -half))
     cost += config.side_weight * aside**2 + config.front_weight * front**2
     return wall.place(0, int(np.argmin(cost)))
-
-
-def _wrapped(angle: np.ndarray) -> np.ndarray:
-    return np.arctan2(np.sin(angle), np.cos(angle))

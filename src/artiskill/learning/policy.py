@@ -13,7 +13,6 @@ from artiskill.learning.algorithm import Algorithm
 from artiskill.learning.array_policy import Header, check_policy_path, make_actor, write_policy
 from artiskill.learning.batch import Observation
 from artiskill.learning.checkpoints import load_weights, make_algorithm
-from artiskill.learning.observation import ObservationLayout
 from artiskill.learning.run import RunInfo, read_info, run_folder, weights_file
 from artiskill.learning.train_config import TrainConfig, read_train_config
 
@@ -41,7 +40,7 @@ class RunPolicy:
         info, _, self._algorithm = load_trained(run)
         self.control_mode, self.sampling = info.control_mode, info.sampling
         self.observation_config = info.observation_config
-        self._layout = ObservationLayout(*(info.sizes[name] for name in ("points", "masks", "agent")))
+        self._layout = info.layout
         self._actor: CommandActor | None = make_actor(info.commands) if info.commands else None
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:

@@ -36,7 +36,6 @@ from artiskill.learning.batch import Batch, Observation, Sizes, Statistics
 from artiskill.learning.checkpoints import load_weights, make_algorithm, save_weights
 from artiskill.learning.commands import command_space
 from artiskill.learning.dagger import DAggerConfig
-from artiskill.learning.observation import ObservationLayout
 from artiskill.learning.policy import one_thread
 from artiskill.learning.run import RunInfo, Table, read_info
 from artiskill.learning.train_config import TrainConfig, algorithm_config, check_not_measured, read_train_config
@@ -152,7 +151,7 @@ class RoundBatches:
         self._rollouts, self._trainer = rollouts, trainer
         self._step, values = trainer.state.step, rollouts.values
         self._round_steps = -(-rollouts.config.steps // values.rounds)
-        self._layout = layout_of(trainer.info)
+        self._layout = trainer.info.layout
         self._table = Table(rollouts.folder / TABLE, self._step)
         self._rounds = 0  # that were taken in
         self._records = np.zeros(0, self._layout.dtype)
@@ -294,7 +293,7 @@ class Collector:
     def __init__(self, config: TrainConfig, info: RunInfo) -> None:
         self._config, self._info = config, info
         self._values: DAggerConfig = algorithm_config(config)
-        self._actor, self._layout = make_actor(info.commands), layout_of(info)
+        self._actor, self._layout = make_actor(info.commands), info.layout
         self._space = self._actor.space
         self._env = ManipulationVectorEnv(
             self._values.envs,
@@ -415,11 +414,6 @@ class Collector:
         except DivergedError:
             return np.zeros(len(actions), dtype=bool), np.ones(len(actions), dtype=bool)
         return solved, solved | out_of_time
-
-
-def layout_of(info: RunInfo) -> ObservationLayout:
-    """Return how the observations of a run are stored."""
-    return ObservationLayout(*(info.sizes[name] for name in ("points", "masks", "agent")))
 
 
 def commanding_expert(task: Task, values: Mapping[str, Any]) -> Any:

@@ -26,12 +26,13 @@ from typing import Any
 from artiskill.config import from_mapping, to_mapping
 from artiskill.errors import ArtiSkillError, MissingExtraError, PolicyError, RunError, shown
 from artiskill.files import atomic_write, file_sha256, is_file, parse_json, read_bytes, read_text
+from artiskill.learning.observation import ObservationLayout
+from artiskill.tasks.registry import SEEN_SECTIONS
 
 FORMAT, VERSION = "artiskill-run", 1
 CONFIG, INFO, METRICS, DEVELOPMENT = "config.yaml", "run.json", "metrics.csv", "development.csv"
 TENSORBOARD, SET = "tensorboard", "set"
 LATEST, BEST = Path("checkpoints/latest.pt"), Path("checkpoints/best.pt")
-_SEEN = ("cameras", "render")
 KEPT = "what was saved before is kept: the same command goes on from there"
 
 
@@ -55,7 +56,12 @@ class RunInfo:
     @property
     def observation_config(self) -> dict[str, Any]:
         """The task's sections that say how the demonstrations were seen, as evaluation asks of a policy."""
-        return {key: value for key, value in self.overrides.items() if key.partition(".")[0] in _SEEN}
+        return {key: value for key, value in self.overrides.items() if key.partition(".")[0] in SEEN_SECTIONS}
+
+    @property
+    def layout(self) -> ObservationLayout:
+        """How its observations are stored."""
+        return ObservationLayout(*(self.sizes[name] for name in ("points", "masks", "agent")))
 
 
 def write_info(info: RunInfo, folder: Path) -> None:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:  # importing it would bring the engine in
 
 # Worker processes inherit it: the tasks of other packages, as JSON.
 INHERITED = "ARTISKILL_TASKS"
+# sections of a task's configuration that change what is seen, and nothing of what happens
+SEEN_SECTIONS = ("cameras", "render")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*")
 _REFERENCE = re.compile(r"\w+(\.\w+)*:\w+")
 # keys that make a task the one of its name
