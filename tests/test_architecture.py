@@ -32,7 +32,8 @@ LAYERS = (
         "tasks",
         "envs",
     ),
-    *("checks", "exports", "experts", "demos", "learning", "evaluation", "gallery", "bench", "viewer", "cli"),
+    *("checks", "exports", "experts", "demos", "learning", "compat", "evaluation", "gallery"),
+    *("bench", "viewer", "cli"),
 )
 # Entry points of the package: they import every layer, no layer imports them.
 ENTRY_POINTS = ("__init__", "__main__")

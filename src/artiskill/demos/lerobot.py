@@ -74,7 +74,7 @@ class _Writer:
 
     def __init__(self, folder: Path, training: TrainingFiles) -> None:
         task = training.settings.source.task
-        self._folder, self._instruction = folder, _INSTRUCTIONS.get(task, task)
+        self._folder, self._instruction = folder, instruction_of(task)
         self._features = features = LeRobotFeatures(training.settings, training.spaces)
         self._frames = FrameTable(folder, _DATA_PATH, features.columns, _DATA_MB)
         self._episodes = EpisodeTable(folder)
@@ -252,6 +252,11 @@ def _pictures(task: Task, leaves: dict[str, gym.spaces.Box]) -> tuple[tuple[Feat
     return videos, tuple(Feature(f"{keys[k]}_masks", "image", shape, names, _masks(k, masks)) for k in numbers)
 
 
+def instruction_of(task: str) -> str:
+    """Return what a task asks for, in a sentence; a task of one's own is told by its name."""
+    return _INSTRUCTIONS.get(task, task)
+
+
 def camera_names(number: int) -> tuple[str, ...]:
     """Return the cameras' names; where they look to is known of the usual three."""
     return _CAMERAS if number == len(_CAMERAS) else tuple(f"camera_{k}" for k in range(number))
@@ -267,13 +272,14 @@ def _colours(camera: int) -> Callable[[Any], np.ndarray]:
 
 
 def _masks(camera: int, masks: int) -> Callable[[Any], np.ndarray]:
-    def read(group: Any) -> np.ndarray:
-        seg = group["obs/rgbd/seg"][..., masks * camera : masks * (camera + 1)]
-        found = np.zeros((*seg.shape[:-1], _CHANNELS), dtype=np.uint8)
-        found[..., :masks] = seg * np.uint8(255)
-        return found
+    return lambda group: mask_picture(group["obs/rgbd/seg"][..., masks * camera : masks * (camera + 1)])
 
-    return read
+
+def mask_picture(seg: np.ndarray) -> np.ndarray:
+    """Return masks (..., k), at most three, as a picture (..., 3) uint8 that is white where they are."""
+    found = np.zeros((*seg.shape[:-1], _CHANNELS), dtype=np.uint8)
+    found[..., : seg.shape[-1]] = seg * np.uint8(255)
+    return found
 
 
 def _never(group: Any) -> np.ndarray:

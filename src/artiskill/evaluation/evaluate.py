@@ -190,8 +190,8 @@ class BatchJob:
     def load_policy(self, send: Send) -> Actor:
         """Load the policy, within its time limit."""
         if self.load_timeout_s is None:
-            return load_policy(self.batch.policy)
-        actor = load_within(self.batch.policy, self.load_timeout_s, send)
+            return load_policy(self.batch.policy, self.batch.task)
+        actor = load_within(self.batch.policy, self.load_timeout_s, send, self.batch.task)
         return actor if self.step_timeout_s is None else TimedActor(actor, self.step_timeout_s, send)
 
 

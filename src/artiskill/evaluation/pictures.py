@@ -119,7 +119,7 @@ def save_episode_picture(path: Path | str, episode: EpisodeChoice, style: Pictur
     if moving and step:
         raise ConfigError("a step is only for still pictures; a video shows the whole episode")
     level = check_level(episode.level)
-    actor = load_policy(policy_of_task(episode.policy, episode.task)) if moving or step else None
+    actor = load_policy(policy_of_task(episode.policy, episode.task), episode.task) if moving or step else None
     env = episode.make_env(actor)
     if not moving or actor is None:
         _run_steps(env, actor, level, step)

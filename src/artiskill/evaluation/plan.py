@@ -177,7 +177,7 @@ def plan_evaluation(
     check_time_limit(load_timeout_s, "for loading a policy")
     name = PRETRAINED if policy == PRETRAINED else None
     policy = policy_of_task(policy, task)
-    actor = inspect_policy(policy, load_timeout_s)
+    actor = inspect_policy(policy, task, load_timeout_s)
     overrides = merge_overrides(actor.observation_config or {}, config or {})
     resolved = make_task(task, overrides)
     modes = (
@@ -234,7 +234,7 @@ class PolicySpec:
     observation_config: dict[str, Any] | None = None
 
 
-def inspect_policy(policy: Any, load_timeout_s: float = LOAD_TIMEOUT_S) -> PolicySpec:
+def inspect_policy(policy: Any, task: str | None = None, load_timeout_s: float = LOAD_TIMEOUT_S) -> PolicySpec:
     """Load a policy to see what it declares; the code of a solution file never runs in this process.
 
     Raises:
@@ -244,14 +244,14 @@ def inspect_policy(policy: Any, load_timeout_s: float = LOAD_TIMEOUT_S) -> Polic
     path = solution_path(policy)
     if path is None:
         return _spec_of(load_policy(policy))
-    inspect = partial(_inspect, limit_s=load_timeout_s)
+    inspect = partial(_inspect, limit_s=load_timeout_s, task=task)
     said = run_jobs(inspect, [str(path)], 1, describe=str, isolated=True, hint=WORKER_HINT)[0]
     return from_mapping(PolicySpec, json.loads(said))
 
 
-def _inspect(path: str, send: Send, limit_s: float) -> str:
+def _inspect(path: str, send: Send, limit_s: float, task: str | None) -> str:
     """Return what a solution file declares as plain text, which any process can read."""
-    with closing(load_within(path, limit_s, send)) as actor:
+    with closing(load_within(path, limit_s, send, task)) as actor:
         return json.dumps(to_mapping(_spec_of(actor)))
 
 

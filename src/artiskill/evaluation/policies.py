@@ -217,13 +217,14 @@ def policy_of_task(policy: Any, task: str) -> Any:
     return str(pretrained_file(task)) if policy == PRETRAINED else policy
 
 
-def load_policy(policy: Any) -> Actor:
+def load_policy(policy: Any, task: str | None = None) -> Actor:
     """Return the actor of a name, of a file or folder, or of a function or `Policy` object.
 
     Args:
         policy: one of `POLICY_NAMES` but `pretrained`, the path of a Python file (see docs/evaluation.md), of the
             folder of a training run or of a file exported from it, a function (observation) -> action, or an
             object with `obs_mode`, `reset`, `act` and perhaps `control_mode` and `sampling`.
+        task: name of the task, which a `UserPolicy` of 2021 is told.
 
     Raises:
         UnknownNameError: text that is neither a policy's name nor looks like a Python file or a run's folder.
@@ -232,7 +233,7 @@ def load_policy(policy: Any) -> Actor:
     """
     path = solution_path(policy)
     if path is not None:
-        return SolutionActor(FileSolution(path))
+        return SolutionActor(FileSolution(path, task))
     if is_run(policy):
         path = Path(policy)
         learned = ArrayPolicy(path) if path.suffix == ARRAYS else load_run(path)
@@ -288,7 +289,7 @@ def policy_digest(policy: Any) -> str | None:
     return None if path is None else hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def load_within(policy: Any, limit_s: float, send: Send) -> Actor:
+def load_within(policy: Any, limit_s: float, send: Send, task: str | None = None) -> Actor:
     """Load a policy in a process of its own, which is ended if it takes too long.
 
     Python's and NumPy's global generators start from the same numbers, whatever the process did before.
@@ -297,6 +298,7 @@ def load_within(policy: Any, limit_s: float, send: Send) -> Actor:
         policy: as `load_policy` takes it.
         limit_s: in seconds.
         send: of a job that has a process of its own, see `run_jobs`.
+        task: as `load_policy` takes it.
 
     Raises:
         UnknownNameError, PolicyError: as of `load_policy`.
@@ -304,7 +306,7 @@ def load_within(policy: Any, limit_s: float, send: Send) -> Actor:
     send(Deadline(f"{policy}: not loaded within {limit_s:g} s", limit_s))
     random.seed(0)
     np.random.seed(0)  # noqa: NPY002 - for solutions that draw from it
-    actor = load_policy(policy)
+    actor = load_policy(policy, task)
     send(NO_DEADLINE)
     return actor
 

@@ -19,6 +19,8 @@ from typing import Any
 
 import numpy as np
 
+from artiskill.compat import user_policy
+from artiskill.compat.observations import describe_for_2021
 from artiskill.config import from_mapping, to_mapping
 from artiskill.envs.control import CONTROL_MODES, JOINT
 from artiskill.envs.options import OBSERVATION_MODES
@@ -136,16 +138,18 @@ class FileSolution(Solution):
 
     Args:
         path: of the file.
+        task: name of the task, which a `UserPolicy` of 2021 is told.
 
     Raises:
         PolicyError: the file is missing, does not import, has neither or both of the legal forms, or its `Policy`
             cannot be constructed, lacks something, or declares what is not legal.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, task: str | None = None) -> None:
         name = str(path)
         try:
-            open_regular(path).close()
+            with open_regular(path) as file:
+                is_user_policy = task is not None and wire.USER_POLICY.encode() in file.read()
         except FileNotFoundError as error:
             raise PolicyError(f"solution file {name!r} does not exist") from error
         except OSError as error:
@@ -153,10 +157,9 @@ class FileSolution(Solution):
         self._process = _Process()
         self._end = weakref.finalize(self, self._process.end)
         self._layout: list[Any] = [[], 0]  # of observations, and the size of an action
+        job = {"file": name, "path": sys.path, "user_policy": _user_policy(task) if is_user_policy else None}
         try:
-            said = self._process.ask(
-                wire.START, _json({"file": name, "path": sys.path}), wire.DECLARED, _MOST_SAID
-            )
+            said = self._process.ask(wire.START, _json(job), wire.DECLARED, _MOST_SAID)
             declared = _declaration(said)
         except SolutionError as fault:
             raise policy_error(name, fault) from fault.__cause__
@@ -318,6 +321,12 @@ def _declaration(body: bytes) -> dict[str, Any] | None:
     if not isinstance(said, dict) or not said.keys() <= set(_DECLARED) or "obs_mode" not in said:
         raise SolutionError(f"{_BROKEN}: its declaration makes no sense")
     return said
+
+
+def _user_policy(task: str | None) -> dict[str, Any]:
+    """Return what the process needs for a solution of 2021; it has no access to this package."""
+    assert task is not None
+    return {"source": Path(user_policy.__file__).read_text(encoding="utf-8"), "about": describe_for_2021(task)}
 
 
 def _json(value: Any) -> bytes:

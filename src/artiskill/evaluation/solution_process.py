@@ -35,6 +35,7 @@ LEGAL_FORMS = (
     "a solution has either a function policy(observation) -> action "
     "or a class Policy with obs_mode, reset(observation, info) and act(observation)"
 )
+USER_POLICY = "UserPolicy"  # the class of a solution of 2021's benchmark
 _MODULE = "artiskill_solution"
 _MEMBERS = ("obs_mode", "reset", "act")
 _DECLARATIONS = ("obs_mode", "control_mode", "sampling", "observation_config")
@@ -154,15 +155,22 @@ def _one_line(error: BaseException) -> str:
     return f"{type(error).__name__}: {says}" if says else type(error).__name__
 
 
-def load_solution(file: str) -> SolutionCode:
+def load_solution(file: str, user_policy: dict[str, Any] | None = None) -> SolutionCode:
     """Run a solution file and take its policy; the file's folder joins `sys.path`, as for any Python script.
+
+    Args:
+        file: its path.
+        user_policy: if it may be one of 2021, the source text of `compat.user_policy`, and `about` the task.
 
     Raises:
         SolutionError: the file does not import, has neither or both of the legal forms, or its `Policy` cannot be
             constructed or lacks something.
     """
+    compat = None if user_policy is None else _compat_module(user_policy)
     module = _import_file(file)
     function, policy_class = getattr(module, "policy", None), getattr(module, "Policy", None)
+    if function is None and policy_class is None and compat is not None and hasattr(module, USER_POLICY):
+        return _of_2021(module, compat, file)
     if function is None and policy_class is None:
         near = [key for key in vars(module) if key.lower() == "policy"]
         has = f" (it has {near[0]!r})" if near else ""
@@ -178,6 +186,23 @@ def load_solution(file: str) -> SolutionCode:
     if not inspect.isclass(policy_class):
         raise SolutionError(f"'Policy' is {type(policy_class).__name__!r}, not a class; {LEGAL_FORMS}")
     return SolutionCode(guarded(policy_class, file, "Policy() raised"), file)
+
+
+def _compat_module(user_policy: dict[str, Any]) -> Any:
+    """Return `compat.user_policy`, after it has prepared what a file of 2021 imports."""
+    compat: Any = ModuleType("artiskill_user_policy")
+    exec(compile(user_policy["source"], "user_policy.py", "exec"), vars(compat))
+    compat.install(user_policy["about"])
+    compat.env_name = user_policy["about"]["env_name"]
+    return compat
+
+
+def _of_2021(module: ModuleType, compat: Any, file: str) -> SolutionCode:
+    """Return a file's `UserPolicy(env_name)`, called as it was in 2021."""
+    make = vars(module)[USER_POLICY]
+    return SolutionCode(
+        guarded(lambda: compat.Adapter(make(compat.env_name)), file, f"{USER_POLICY}() raised"), file
+    )
 
 
 def _import_file(file: str) -> ModuleType:
@@ -226,7 +251,7 @@ def _serve(channel: socket.socket) -> None:
     sys.path[:] = job["path"]
     random.seed(0)
     np.random.seed(0)  # noqa: NPY002 - for solutions that draw from it
-    code = load_solution(job["file"])
+    code = load_solution(job["file"], job["user_policy"])
     _send(channel, DECLARED, json.dumps(code.declared, default=_plain).encode())
     layout: list[tuple[list[str], str, list[int]]] = []
     size, episode = 0, 0

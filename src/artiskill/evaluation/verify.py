@@ -361,7 +361,7 @@ def verify_policy(
     stored = read_report(folder)
     check(count >= 1, f"the number of objects to play again must be at least 1, not {count}")
     policy = policy_of_task(policy, stored.report.task)
-    plan, spec = plan_again(stored.report, objects), inspect_policy(policy)
+    plan, spec = plan_again(stored.report, objects), inspect_policy(policy, stored.report.task)
     if policy_digest(policy) != stored.report.policy_sha256 or spec.sampling != stored.report.sampling:
         return VerifyResult(0, 0, (f"{policy} is not the policy of the report: its sha256 or sampling differs",))
     actions, per_row = unpack_actions(stored.files[ACTIONS_FILE]), len(plan.batches[0].levels)

@@ -198,7 +198,7 @@ class LiveEpisode(Timeline):
 
     def __init__(self, choice: EpisodeChoice) -> None:
         level = check_level(choice.level)
-        self._actor: Actor = load_policy(policy_of_task(choice.policy, choice.task))
+        self._actor: Actor = load_policy(policy_of_task(choice.policy, choice.task), choice.task)
         self._env = choice.make_env(self._actor)
         self._observation, info = self._env.reset(options={"level": level})
         self._actor.reset(self._env, self._observation, info)
