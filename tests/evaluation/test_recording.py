@@ -8,8 +8,10 @@ from PIL import Image, ImageSequence
 
 from artiskill.assets.articulated_object import ROOM_WALL, Link, Material, VisualMesh
 from artiskill.assets.catalog import load_object
+from artiskill.envs.core import ObservationContext
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.rendering import Viewpoint
+from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ConfigError
 from artiskill.evaluation.evaluate import run_episode, run_evaluation
 from artiskill.evaluation.pictures import EpisodeChoice, save_episode_picture
@@ -25,13 +27,14 @@ from artiskill.evaluation.recording import (
     record_video,
     shown_points,
 )
-from artiskill.evaluation.scene_pictures import PictureStyle
+from artiskill.evaluation.scene_pictures import PictureStyle, given_points
 from artiskill.evaluation.statistics import EpisodeResult
 from artiskill.evaluation.video import caption_share
 from artiskill.geometry.primitives import box
 from artiskill.geometry.rotations import transform_points
 from artiskill.scene.scene import Scene, cached_scene
 from artiskill.sensors.camera import Camera
+from artiskill.sensors.pictures.compose import GAP_PX
 from artiskill.sensors.render_config import load_render_config
 from artiskill.sensors.renderer import BodyVisual, Renderer
 from artiskill.sim.snapshot import Snapshot
@@ -235,3 +238,33 @@ def test_a_wall_may_leave_the_picture() -> None:
     plain, walled = shown_points(env.scene, [env.snapshot])[0], shown_points(scene, [with_wall.snapshot])[0]
     np.testing.assert_allclose(walled.max(axis=0), plain.max(axis=0))
     np.testing.assert_allclose(walled.min(axis=0), plain.min(axis=0))
+
+
+@pytest.mark.parametrize("sampling", [Sampling(64, "shares", "robot", {"shares": [32, 16, 8, 8]}), Sampling(96)])
+def test_the_points_of_a_film_are_those_that_the_policy_was_given(sampling: Sampling) -> None:
+    env = ManipulationEnv("OpenCabinetDrawer", ["cabinet-0005"], obs_mode="pointcloud")
+    replace(sampling, frame="world").wrap(env)
+    observation, _ = env.reset(options={"level": 3})
+    given, moments = [], []
+    for step in range(3):
+        given.append({name: part.copy() for name, part in observation["pointcloud"].items()})
+        moments.append(ObservationContext(env.snapshot, env.goal, 0, 3, step))
+        observation, *_ = env.step(np.full(13, 0.5))
+    shown = list(given_points(env.task, env.scene, env.save_state().target, sampling, moments))
+    for cloud, wanted in zip(shown, given, strict=True):
+        seen = wanted["xyz"].any(axis=1)
+        assert 0 < seen.sum() == len(cloud["xyz"])
+        assert all(np.array_equal(cloud[name], wanted[name][seen]) for name in wanted)
+
+
+def test_a_cloud_policy_is_filmed_with_its_points(tmp_path: Path) -> None:
+    plan = plan_evaluation(
+        "MoveBucket", "still", ["bucket-0001"], 1, obs_mode="pointcloud", config={"episode_steps": 2}
+    )
+    film = record_video(plan, tmp_path / "film.webp")
+    with Image.open(film) as image:
+        width, height = image.size
+        assert (width, height) == (2 * 480 + GAP_PX, 360)
+        panel = np.asarray(image.convert("RGB"))[:, -480:].astype(int)
+    share = (np.abs(panel - 28).max(axis=2) > 16).mean()
+    assert 0.05 < share < 0.95, "squares before the dark"

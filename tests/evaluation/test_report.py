@@ -4,6 +4,7 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
@@ -41,6 +42,11 @@ def test_files_agree(report: Report, tmp_path: Path) -> None:
     episodes = read_csv(folder / "episodes.csv")
     assert [(e["object"], e["level"]) for e in episodes] == [(r["object"], k) for r in rows for k in "01"]
     assert episodes[0]["target"] == report.episodes[0].target
+    taken = np.concatenate([episode.act_s for episode in report.episodes]) * 1000
+    assert len(taken) == sum(episode.length for episode in report.episodes)
+    assert data["timing"]["act_ms"]["max"] == pytest.approx(taken.max(), abs=1e-3)
+    assert 0 < data["timing"]["act_ms"]["median"] <= data["timing"]["act_ms"]["p95"]
+    assert data["timing"]["machine"]["cores"] >= 1
     text = (folder / "report.md").read_text()
     assert "| cabinet-0005 | any | 0/2 | 0.0% |" in text
     assert "| **all** |  | 0/4 | 0.0% |" in text

@@ -13,13 +13,13 @@ from artiskill.bench.cases import Case
 from artiskill.errors import ConfigError, MissingExtraError
 from artiskill.files import atomic_write, output_path
 from artiskill.jobs.parallel import available_cores
-from artiskill.versions import versions
+from artiskill.versions import entry_of, processor_name, versions
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 JSON_FILE, PLOT_FILE = "bench.json", "bench.png"
-_CPU_FILE, _MEMORY_FILE, _STATUS_FILE = Path("/proc/cpuinfo"), Path("/proc/meminfo"), Path("/proc/self/status")
+_MEMORY_FILE, _STATUS_FILE = Path("/proc/meminfo"), Path("/proc/self/status")
 _MB_PER_KB = 1024 / 1e6
 # Okabe and Ito's colours, which the colour-blind can tell apart
 _COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
@@ -104,7 +104,7 @@ def machine_facts() -> dict[str, Any]:
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
     return {
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
-        "processor": _entry(_CPU_FILE, "model name") or platform.processor() or None,
+        "processor": processor_name(),
         "cores": available_cores(),
         "memory_mb": _megabytes(_MEMORY_FILE, "MemTotal"),
         "load": load,
@@ -119,17 +119,8 @@ def resident_mb() -> float | None:
 
 
 def _megabytes(path: Path, key: str) -> float | None:
-    entry = _entry(path, key)
+    entry = entry_of(path, key)
     return None if entry is None else int(entry.split()[0]) * _MB_PER_KB
-
-
-def _entry(path: Path, key: str) -> str | None:
-    """Return the value of the first line `key: value` of one of Linux's files."""
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except OSError:  # another system
-        return None
-    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith(key)), None)
 
 
 @dataclass(frozen=True)

@@ -362,7 +362,7 @@ def _add_pictures(commands: Any) -> None:
     add("--target", metavar="LINK", help="draw only demonstrations of this link")
     add("--count", type=int, default=5, help="number of demonstrations (default: %(default)s)")
     add("--moments", type=int, default=5, help="number of pictures of each (default: %(default)s)")
-    add("--view", default="world", help="world, sensor, cloud or all (default: %(default)s)")
+    add("--view", default="world", help="world, sensor, cloud, all or points (default: %(default)s)")
     add("--width", type=int, default=320, help="width of a picture in pixels (default: %(default)s)")
     add("--azimuth", type=float, metavar="DEG", help="direction of the camera, from +x counterclockwise")
     add("--elevation", type=float, metavar="DEG", help="elevation of the camera above the horizon")

@@ -11,6 +11,7 @@ _EPILOG = """examples:
   artiskill render --task OpenCabinetDrawer --object cabinet-0023 --level 3 --out look.png
   artiskill render --task OpenCabinetDrawer --object cabinet-0023 --view all --step 60 --out sheet.png
   artiskill render --task OpenCabinetDrawer --object cabinet-0023 --view cloud --azimuth 180 --out episode.gif
+  artiskill render --task PushChair --object chair-0004 --policy pretrained --view points --out film.webp
   artiskill render --object generated:cabinet:7 --open 0.8 --out cabinet.png
 
 Without --task, the object is drawn alone; a video opens and closes its joints. See docs/pictures.md."""
@@ -46,9 +47,9 @@ def _add_episode_options(add: Callable[..., object]) -> None:
     add("--task", help="name of the task")
     add("--target", help="target link (default: drawn by the level)")
     add("--level", "--seed", type=int, help="level (seed) of the episode (default: 0)")
-    add("--policy", help="expert, random, still or path/to/solution.py (default: expert)")
+    add("--policy", help="expert, random, still, pretrained or path/to/solution.py (default: expert)")
     add("--step", type=int, help="draw a still picture after this many steps (default: 0)")
-    add("--view", help="world, sensor, cloud or all (default: world)")
+    add("--view", help="world, sensor, cloud, all or points (default: world)")
     add("--masks", action="store_true", default=None, help="colour the task's segmentation masks")
     changes = "change values of the task's configuration"
     add("--set", nargs="+", action="extend", metavar="KEY=VALUE", help=changes)

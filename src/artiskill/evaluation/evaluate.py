@@ -217,11 +217,14 @@ def run_episode(
     observation, info = env.reset(options={"level": level})
     steps, done, fault, reward_sum = 0, False, "", 0.0
     actions: list[np.ndarray] = []
+    act_s: list[float] = []
     try:
         actor.reset(env, observation, info)
         on_step(env, steps, done)
         while not done:
+            start = time.perf_counter()
             action = check_action(actor.act(env, observation), env.control.size)
+            act_s.append(time.perf_counter() - start)
             actions.append(np.clip(action, -1.0, 1.0))
             observation, reward, terminated, truncated, info = env.step(action)
             steps, done, reward_sum = steps + 1, terminated or truncated, reward_sum + reward
@@ -229,7 +232,7 @@ def run_episode(
     except FAULTS as error:
         fault = fault_text(error)
         on_step(env, steps, True)
-    return _outcome(env, info, actions, steps, reward_sum, fault)
+    return replace(_outcome(env, info, actions, steps, reward_sum, fault), act_s=np.array(act_s))
 
 
 def _outcome(

@@ -1,7 +1,7 @@
 """Still and moving pictures of one episode, of an object alone, or of demonstrations, written to a file."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -120,6 +120,7 @@ def save_episode_picture(path: Path | str, episode: EpisodeChoice, style: Pictur
         raise ConfigError("a step is only for still pictures; a video shows the whole episode")
     level = check_level(episode.level)
     actor = load_policy(policy_of_task(episode.policy, episode.task), episode.task) if moving or step else None
+    style = replace(style, sampling=getattr(actor, "sampling", None)) if style.sampling is None else style
     env = episode.make_env(actor)
     if not moving or actor is None:
         _run_steps(env, actor, level, step)

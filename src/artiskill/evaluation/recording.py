@@ -19,8 +19,8 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.rendering import Viewpoint
 from artiskill.errors import ConfigError, shown
 from artiskill.evaluation.evaluate import BatchJob, check_plan_workers, run_batches, run_episode
-from artiskill.evaluation.plan import EvaluationPlan
-from artiskill.evaluation.scene_pictures import PictureStyle, SceneRenderer
+from artiskill.evaluation.plan import EpisodeBatch, EvaluationPlan
+from artiskill.evaluation.scene_pictures import PictureStyle, PointsPanel, SceneRenderer
 from artiskill.evaluation.video import caption, caption_share, write_video
 from artiskill.files import check_output_folder, output_path
 from artiskill.geometry.meshes import convex_hull
@@ -28,6 +28,7 @@ from artiskill.geometry.rotations import transform_points
 from artiskill.jobs.worker import Send
 from artiskill.scene.scene import Scene
 from artiskill.sensors.camera import Camera
+from artiskill.sensors.pictures.compose import beside
 from artiskill.sensors.pictures.framing import following_cameras
 from artiskill.sensors.render_config import load_render_config
 from artiskill.sensors.renderer import BodyVisual, Renderer
@@ -113,10 +114,16 @@ def check_video(path: Path | str, count: int = 1) -> None:
 
 
 def _record(job: BatchJob, send: Send) -> list[np.ndarray]:
-    recorder = EpisodeRecorder(PictureStyle())
+    recorder = EpisodeRecorder(film_style(job.batch))
     with closing(job.load_policy(send)) as actor:
         run_episode(job.batch.make_env(), actor, job.batch.levels[0], recorder.record)
     return recorder.draw(send)
+
+
+def film_style(batch: EpisodeBatch, width: int | None = None, height: int | None = None) -> PictureStyle:
+    """Return how a batch's episodes are filmed: with the points that its policy is given, if it is given any."""
+    view = "points" if batch.obs_mode == "pointcloud" else "world"
+    return PictureStyle(view, width=width, height=height, sampling=batch.sampling)
 
 
 class EpisodeRecorder:
@@ -124,21 +131,22 @@ class EpisodeRecorder:
 
     Args:
         style: how they are drawn.
+        steps_per_frame: environment steps from one moment to the next.
 
     Attributes:
-        moments: what is drawn: every second step, and the last.
+        moments: what is drawn: every so many steps, and the last.
     """
 
-    def __init__(self, style: PictureStyle) -> None:
+    def __init__(self, style: PictureStyle, steps_per_frame: int = STEPS_PER_FRAME) -> None:
         self.moments: list[ObservationContext] = []
-        self._style = style
+        self._style, self._steps_per_frame = style, steps_per_frame
         self._captions: list[str] = []
         self._env: ManipulationEnv | None = None
 
     def record(self, env: ManipulationEnv, steps: int, done: bool) -> None:
         """Keep a moment, as `on_step` of `run_episode`."""
         self._env = env
-        if done or steps % STEPS_PER_FRAME == 0:
+        if done or steps % self._steps_per_frame == 0:
             level = env.save_state().level
             self.moments.append(ObservationContext(env.snapshot, env.goal, 0, level, steps))
             self._captions.append(episode_caption(env, done))
@@ -185,15 +193,18 @@ def draw_moments(
         ConfigError: a size or viewpoint out of range.
     """
     height = style.size[1]
-    below = caption_share(height) if captions and style.view != "all" else 0.0
+    below = caption_share(height) if style.view == "points" or (captions and style.view != "all") else 0.0
     cameras: Sequence[Camera | None] = [None] * len(moments)
     if style.view != "sensor":
         snapshots = [moment.snapshot for moment in moments]
         cameras = episode_cameras(task, scene, target, snapshots, style.viewpoint, style.size, below, calm_frames)
-    painter = SceneRenderer(task, scene, target, style)
+    painter, panel = SceneRenderer(task, scene, target, style), None
+    if style.view == "points" and cameras[0] is not None:
+        panel = PointsPanel(task, scene, target, style.sampling, moments, cameras[0], below)
     for k, (moment, camera) in enumerate(zip(moments, cameras, strict=True)):
         picture = painter.draw(moment, camera)
-        yield caption(picture, captions[k]) if captions else picture
+        picture = caption(picture, captions[k]) if captions else picture
+        yield picture if panel is None else beside([picture, panel.draw(k)])
 
 
 def episode_caption(env: ManipulationEnv, done: bool) -> str:

@@ -5,6 +5,7 @@ import hashlib
 import io
 import json
 import os
+import platform
 import shutil
 import tempfile
 import zipfile
@@ -30,7 +31,8 @@ from artiskill.evaluation.statistics import (
     summarize,
 )
 from artiskill.files import check_archive, check_output_folder, lock_folder, output_path
-from artiskill.versions import versions
+from artiskill.jobs.parallel import available_cores
+from artiskill.versions import processor_name, versions
 
 REPORT_JSON, EPISODES_CSV, ACTIONS_FILE = "report.json", "episodes.csv", "actions.npz"
 REPORT_FILES = ("config.yaml", EPISODES_CSV, ACTIONS_FILE, "report.csv", "report.md", REPORT_JSON)
@@ -86,7 +88,7 @@ class Report:
         episodes: every single one, in the order of rows and levels.
         config: resolved configuration of the task, plain values.
         versions: of everything that the numbers depend on.
-        timing: seconds, workers and environment steps per second; the only part that differs from run to run.
+        timing: how long it took, and on which machine; the only part that differs from run to run.
     """
 
     task: str
@@ -105,7 +107,7 @@ class Report:
     episodes: tuple[EpisodeResult, ...]
     config: dict[str, Any]
     versions: dict[str, str]
-    timing: dict[str, float]
+    timing: dict[str, Any]
 
     @property
     def success_rate(self) -> float:
@@ -169,14 +171,27 @@ def make_report(
         episodes=episodes,
         config=to_mapping(plan.task.config),
         versions=versions(),
-        timing=timing_of(episodes, seconds, workers),
+        timing=timing_of(episodes, seconds, workers) | {"act_ms": _act_ms(episodes), "machine": _machine()},
     )
 
 
-def timing_of(episodes: Sequence[EpisodeResult], seconds: float, workers: int) -> dict[str, float]:
-    """Return the part of a report that differs from run to run; `seconds` are positive."""
+def timing_of(episodes: Sequence[EpisodeResult], seconds: float, workers: int) -> dict[str, Any]:
+    """Return how fast episodes were played; `seconds` are positive."""
     steps = sum(result.length for result in episodes)
     return {"seconds": seconds, "workers": workers, "steps_per_s": round(steps / seconds, 1)}
+
+
+def _act_ms(episodes: Sequence[EpisodeResult]) -> dict[str, float] | None:
+    """Return how long a policy takes for an action, in milliseconds; None if it never acted."""
+    taken = 1000.0 * np.concatenate([result.act_s for result in episodes])
+    if not len(taken):
+        return None
+    low, high = np.quantile(taken, (0.5, 0.95)).tolist()
+    return {"median": round(low, 3), "p95": round(high, 3), "max": round(float(taken.max()), 3)}
+
+
+def _machine() -> dict[str, Any]:
+    return {"processor": processor_name(), "cores": available_cores(), "system": platform.platform()}
 
 
 # -- actions ------------------------------------------------------------------------------------------------------

@@ -36,6 +36,7 @@ class EpisodeResult:
         reward_sum: of the dense rewards.
         digest: of the exact state at the end, hexadecimal; empty where a fault ended it.
         actions: (T, A) float64, clipped to [-1, 1]; the one at which the physics ran away is the last.
+        act_s: (T,) seconds that the policy took for each.
     """
 
     object: str
@@ -48,6 +49,7 @@ class EpisodeResult:
     reward_sum: float = 0.0
     digest: str = ""
     actions: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)), compare=False, repr=False)
+    act_s: np.ndarray = field(default_factory=lambda: np.zeros(0), compare=False, repr=False)
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ something was changed, not what is true.
 
 import csv
 import io
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -64,12 +65,35 @@ class StoredRow(EpisodeStatistics):
 
 
 @dataclass(frozen=True)
+class StoredLatency:
+    """How long a policy took for its actions, in milliseconds."""
+
+    median: float
+    p95: float
+    max: float
+
+    def __post_init__(self) -> None:
+        check(0 <= self.median <= self.p95 <= self.max < math.inf, "act_ms must rise from median over p95 to max")
+
+
+@dataclass(frozen=True)
+class StoredMachine:
+    """What a report was made on."""
+
+    processor: str | None
+    cores: int
+    system: str
+
+
+@dataclass(frozen=True)
 class StoredTiming:
     """The entry `timing` of report.json."""
 
     seconds: float
     workers: int
     steps_per_s: float
+    act_ms: StoredLatency | None = None
+    machine: StoredMachine | None = None
 
     def __post_init__(self) -> None:
         check_positive(self, "seconds", "workers")
@@ -305,7 +329,7 @@ def _different(
     report = make_report(plan, played, timing.seconds, timing.workers)
     again = replace(
         report,
-        timing=timing_of(report.episodes, timing.seconds, timing.workers),
+        timing=stored.mapping["timing"] | timing_of(report.episodes, timing.seconds, timing.workers),
         versions=stored.report.versions,
     )
     files = report_files(again)
