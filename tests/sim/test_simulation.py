@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from artiskill.assets.catalog import load_object
+from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import DivergedError, StateError
 from artiskill.scene.scene import Scene, build_scene
-from artiskill.sim.simulation import Simulation
+from artiskill.sim.simulation import Simulation, contacts_of
 from artiskill.sim.states import InitialState
 from artiskill.tasks.registry import make_task
 
@@ -215,3 +216,18 @@ def test_only_some_environments_step(scene: Scene) -> None:
     after = simulation.save().rows
     assert [np.array_equal(a, b) for a, b in zip(before, after, strict=True)] == [False, True, False]
     np.testing.assert_array_equal(simulation.snapshot().link_speed_m_s[1], speeds[1])
+
+
+@pytest.mark.parametrize(("task", "obj"), [("PushChair", "chair-0004"), ("MoveBucket", "bucket-0001")])
+def test_contacts_carry_what_stands_on_the_ground(task: str, obj: str) -> None:
+    env = ManipulationEnv(task, objects=[obj])
+    env.reset(options={"level": 0})
+    for _ in range(40):
+        env.step(np.zeros(env.control.size))
+    contacts = contacts_of(env.scene, env.save_state().simulation)
+    bodies, model = env.scene.index.object_bodies, env.scene.model
+    own = np.arange(bodies.start, bodies.stop)
+    sign = np.isin(contacts.bodies[:, 1], own).astype(float) - np.isin(contacts.bodies[:, 0], own)
+    weight_n = -model.opt.gravity[2] * model.body_mass[own].sum()
+    np.testing.assert_allclose(sign @ contacts.force_w, (0.0, 0.0, weight_n), atol=1e-4 * weight_n)
+    assert -0.01 < contacts.position_w[:, 2].min() < 0.01

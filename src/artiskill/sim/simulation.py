@@ -2,6 +2,7 @@
 
 import copy
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -287,6 +288,38 @@ def _root_velocity(qvel: np.ndarray, rotation: np.ndarray) -> np.ndarray:
         return np.zeros((len(qvel), 6))
     qvel[:, 3:] = rotate(rotation, qvel[:, 3:])
     return qvel
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """C places where two bodies touch, and with which force.
+
+    Attributes:
+        position_w: (C, 3).
+        force_w: (C, 3) in newtons, that the first body pushes the second one with.
+        bodies: (C, 2) their indices in the arrays `body_*` of a snapshot; 0 is the ground.
+    """
+
+    position_w: np.ndarray
+    force_w: np.ndarray
+    bodies: np.ndarray
+
+
+def contacts_of(scene: Scene, state: SimulationState) -> Contacts:
+    """Return what touches what in a state (B = 1) of a scene, under the drive targets of its last step."""
+    model, slices = copy.copy(scene.model), object_slices(scene)
+    model.dof_frictionloss[slices.dof] = state.joint_friction[0]
+    model.dof_damping[slices.dof] = state.joint_damping[0]
+    model.jnt_range[slices.joints] = state.joint_limits[0]
+    data = mujoco.MjData(model)
+    mujoco.mj_setState(model, data, state.rows[0], mujoco.mjtState.mjSTATE_INTEGRATION.value)
+    mujoco.mj_forward(model, data)
+    forces, wrench = np.zeros((data.ncon, 3)), np.zeros(6)
+    for number, frame in enumerate(data.contact.frame.reshape(-1, 3, 3)):
+        mujoco.mj_contactForce(model, data, number, wrench)
+        forces[number] = wrench[:3] @ frame  # whose rows are the axes
+    bodies = model.geom_bodyid[data.contact.geom.reshape(-1, 2)]
+    return Contacts(data.contact.pos.reshape(-1, 3).copy(), forces, bodies)
 
 
 class BareEngine:
