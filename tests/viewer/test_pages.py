@@ -90,7 +90,7 @@ def test_it_plays_only_while_somebody_looks(
     monkeypatch.setattr(server, "get_clients", lambda: {PERSON: None})
     page.update()
     assert page.player.position == 0  # time begins now
-    page.player._since_s -= 0.02
+    page.player._since_s = page.player._clock() - 0.02
     page.update()
     assert page.player.position == 1
 
@@ -264,14 +264,14 @@ def test_a_person_drives(server: Any, page: EpisodePage) -> None:
     gizmo._impl.position = tool + up
     for callback in gizmo._impl_aux.update_cb:
         callback(SimpleNamespace(client_id=PERSON, client=None, target=gizmo))
-    use(widget(server, "Slider", "fingers (mm)"), 10)
+    use(widget(server, "Slider", "fingers (mm; N)"), 10)
     page.update()
     np.testing.assert_allclose(hand.positions_w[0], tool + up, atol=1e-6)
     page.player.step(40)
     snapshot = page.player.moment.context.snapshot
     np.testing.assert_allclose(snapshot.tool_position_w[0, 0], hand.positions_w[0], atol=0.01)
     np.testing.assert_allclose(snapshot.robot_qpos[0, -2:], 0.01, atol=1e-3)
-    for callback in widget(server, "Button", "up")._button_impl.hold_cbs_from_freq[10.0]:
+    for callback in widget(server, "Button", "up (Y)")._button_impl.hold_cbs_from_freq[10.0]:
         callback(SimpleNamespace(client_id=PERSON, client=None))
     page.update()
     page.player.step(5)

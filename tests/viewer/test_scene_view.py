@@ -9,7 +9,6 @@ import pytest
 
 from artiskill.assets.catalog import load_object
 from artiskill.assets.kinematics import shape_volume_m3
-from artiskill.envs.core import ObservationContext
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError, UnknownNameError
 from artiskill.exports.glb import body_glb
@@ -23,7 +22,6 @@ from artiskill.viewer.scene_view import (
     SHAPES,
     TARGET,
     SceneView,
-    SensorView,
     add_stage,
     object_bodies,
     scene_bodies,
@@ -149,32 +147,6 @@ def test_links_are_marked(server: Any) -> None:
     for mark in marks:
         mark.remove()
     assert server.scene.get_handle_by_name("/scene/object/link_0/fault") is None
-
-
-def test_the_cloud_is_what_the_observation_has(server: Any, env: ManipulationEnv) -> None:
-    observation, info = env.reset(seed=3)
-    sensors = SensorView(server, env.task, env.scene, info["target"])
-    sensors.observe(ObservationContext(env.snapshot, env.goal, 0, 3, 0))
-    cloud, cameras = observation["pointcloud"], env.task.cameras
-    seen = cloud["xyz"].any(axis=1)
-    xyz, rgb = sensors.cloud()
-    both = np.column_stack((cloud["xyz"][seen], cloud["rgb"][seen]))
-    assert 30_000 < len(xyz) <= 40_000
-    assert {tuple(row) for row in np.column_stack((xyz, rgb))} <= {tuple(row) for row in both}
-    picture = sensors.picture("colour")
-    first = cloud["rgb"].reshape(cameras.number, cameras.height, cameras.width, 3)[0]
-    np.testing.assert_array_equal(picture[: cameras.height], first)
-    assert (sensors.picture("masks") != picture).any()
-    assert sensors.picture("depth")[: cameras.height].std() > 5
-    for matrix, (position, quaternion) in zip(
-        info["cameras"]["world_to_camera"], sensors.camera_poses(), strict=True
-    ):
-        np.testing.assert_allclose(matrix[:3, :3] @ position + matrix[:3, 3], 0.0, atol=1e-9)
-        np.testing.assert_allclose(quat_to_matrix(quaternion), matrix[:3, :3].T, atol=1e-9)
-    sensors.show_cloud(True)
-    np.testing.assert_array_equal(node(server, "/sensors/points").points, xyz)
-    sensors.show_cloud(False)
-    assert server.scene.get_handle_by_name("/sensors/points") is None
 
 
 def test_light_and_ground_are_the_pictures(server: Any) -> None:

@@ -1,4 +1,4 @@
-"""`artiskill view`: episodes, demonstrations and objects in a browser, or one episode as a file."""
+"""`artiskill view`: episodes, demonstrations, reports and objects in a browser, or one episode as a file."""
 
 import argparse
 from pathlib import Path
@@ -10,31 +10,39 @@ _EPILOG = """examples:
   artiskill view                                    watch the expert; choose another episode on the page
   artiskill view --task PushChair --level 3 --policy my/solution.py
   artiskill view demos/drawer --demonstration 12    scrub through a demonstration
+  artiskill view results/mine --episode 12          the same of an evaluated episode
+  artiskill view --record demos/mine                drive by hand, and keep what you solve
   artiskill view cabinet-0005 chair-0001 ./my/folder
   artiskill view --task OpenCabinetDrawer --export episode.html
 
 Without --host, only this machine can open the page. See docs/viewer.md."""
 
 _TASK = "OpenCabinetDrawer"
-_OF_EPISODES = ("object", "target", "level", "policy", "set", "task")
+_OBJECTS, _DEMOS, _REPORT, _EPISODE = "objects", "demonstrations", "a report", "an episode that is played"
+_OF_EPISODES = ("object", "target", "level", "policy", "record", "set", "task")
 
 
 def add_commands(commands: Any) -> None:
     """Add the command."""
-    summary = "show episodes, demonstrations or objects in a browser"
+    summary = "show episodes, demonstrations, reports or objects in a browser"
     parser = add_command(commands, "view", _view, summary, _EPILOG)
     add = parser.add_argument
-    add("what", nargs="*", help="a folder or file of demonstrations, or objects; without it, an episode is played")
+    what = "a folder or file of demonstrations, a report's folder, or objects; without it, an episode is played"
+    add("what", nargs="*", help=what)
     episode = parser.add_argument_group("an episode").add_argument
     episode("--task", help=f"name of the task, or module:Task (default: that of a trained policy, else {_TASK})")
     episode("--object", help="id, generated:<category>:<seed>, partnet:<id> or path (default: a training object)")
     episode("--target", help="target link (default: drawn by the level)")
     episode("--level", "--seed", type=int, help="level (seed) of the episode (default: 0)")
-    policies = "expert, demonstrator, random, still, path/to/solution.py or a training run (default: expert)"
+    policies = "expert, demonstrator, pretrained, random, still, solution.py or a training run (default: expert)"
     episode("--policy", help=policies)
+    stored = "add every episode that you solve by hand to this folder of demonstrations"
+    episode("--record", type=Path, metavar="FOLDER", help=stored)
     add_set(parser, "change values of the task's configuration")
     demos = parser.add_argument_group("demonstrations").add_argument
     demos("--demonstration", type=int, metavar="N", help="which one of the first object (default: 0)")
+    reports = parser.add_argument_group("reports").add_argument
+    reports("--episode", type=int, metavar="N", help="which line of episodes.csv, from 0 (default: 0)")
     add("--export", type=Path, metavar="FILE", help="write the episode as one .html that needs no server, and end")
     add("--paused", action="store_true", help="do not play at once")
     reach = "address to listen to; whoever reaches it can see and steer the page (default: this machine alone)"
@@ -46,40 +54,50 @@ def _view(arguments: argparse.Namespace) -> None:
     from artiskill.viewer import import_viser
 
     import_viser()
-    demos = _demos_of(arguments.what)
-    _check_options(arguments, is_objects=bool(arguments.what) and demos is None, is_demos=demos is not None)
-    if arguments.what and demos is None:
+    kind = _kind_of(arguments.what)
+    _check_options(arguments, kind)
+    if kind == _OBJECTS:
         _view_objects(arguments)
         return
-    picker = _demo_picker(arguments, demos) if demos is not None else _live_picker(arguments)
+    picker = _picker(arguments, kind)
     if arguments.export is not None:
         _export(picker, arguments.export)
         return
     from artiskill.viewer.episode_page import EpisodePage
 
     with _serving(arguments) as server:
-        page = EpisodePage(server, picker, plays=not arguments.paused)
+        page = EpisodePage(server, picker, plays=not arguments.paused, record=arguments.record)
         _say_where(arguments, server)
         page.run()
 
 
-def _demos_of(what: list[str]) -> Path | None:
-    """Return the folder or file of demonstrations that is meant; None where objects are, or nothing is."""
-    if len(what) != 1:
-        return None
+def _kind_of(what: list[str]) -> str:
+    """Return what is meant: objects, unless it is one file or folder of demonstrations, or one report."""
+    if not what:
+        return _EPISODE
     path = Path(what[0])
-    return path if path.suffix == ".h5" or (path / "manifest.json").is_file() else None
+    if len(what) == 1 and (path.suffix == ".h5" or (path / "manifest.json").is_file()):
+        return _DEMOS
+    return _REPORT if len(what) == 1 and (path / "report.json").is_file() else _OBJECTS
 
 
-def _check_options(arguments: argparse.Namespace, is_objects: bool, is_demos: bool) -> None:
-    for name in (*_OF_EPISODES, "demonstration", "export"):
-        given = getattr(arguments, name) not in (None, [])
-        wrong = (is_objects, is_objects or is_demos, not is_demos)[
-            0 if name == "export" else 2 if name == "demonstration" else 1
-        ]
-        if given and wrong:
-            kind = "objects" if is_objects else "demonstrations" if is_demos else "an episode that is played"
+def _check_options(arguments: argparse.Namespace, kind: str) -> None:
+    """Raise `UsageError` for an option that does not go with what is shown."""
+    legal = {"demonstration": (_DEMOS,), "episode": (_REPORT,), "export": (_EPISODE, _DEMOS, _REPORT)}
+    for name in (*_OF_EPISODES, *legal):
+        if getattr(arguments, name) not in (None, []) and kind not in legal.get(name, (_EPISODE,)):
             raise UsageError(f"--{name} does not go with {kind} (see artiskill view --help)")
+
+
+def _picker(arguments: argparse.Namespace, kind: str) -> Any:
+    from artiskill.viewer.pickers import DemoPicker, ReportPicker
+
+    if kind == _EPISODE:
+        return _live_picker(arguments)
+    path = Path(arguments.what[0])
+    if kind == _DEMOS:
+        return DemoPicker(path, arguments.demonstration or 0)
+    return ReportPicker(path, arguments.episode or 0)
 
 
 def _live_picker(arguments: argparse.Namespace) -> Any:
@@ -101,12 +119,6 @@ def _live_picker(arguments: argparse.Namespace) -> Any:
         config=overrides_of(arguments.set),
     )
     return LivePicker(choice)
-
-
-def _demo_picker(arguments: argparse.Namespace, path: Path) -> Any:
-    from artiskill.viewer.pickers import DemoPicker
-
-    return DemoPicker(path, arguments.demonstration or 0)
 
 
 def _export(picker: Any, path: Path) -> None:

@@ -174,11 +174,11 @@ class Collection:
         wanted = self._plan.settings
         if (self._folder / MANIFEST).exists():
             manifest = read_manifest(self._folder)
-            _check_same(self._folder, manifest.settings, wanted)
+            check_same(self._folder, manifest.settings, wanted)
         else:
             manifest = Manifest(wanted)
             self._store.check()
-        return _with_unlisted(manifest, self._folder)
+        return with_unlisted(manifest, self._folder)
 
     def _is_finished(self, one: ObjectPlan) -> bool:
         path = self._folder / file_name(one.id)
@@ -231,7 +231,7 @@ def _count(queue: LevelQueue, faults: Mapping[tuple[str, int], str]) -> TargetCo
     )
 
 
-def _check_same(folder: Path, there: Settings, here: Settings) -> None:
+def check_same(folder: Path, there: Settings, here: Settings) -> None:
     """Raise `DemoError` unless a folder's settings are the plan's."""
     if there.task != here.task:
         raise DemoError(
@@ -244,7 +244,7 @@ def _check_same(folder: Path, there: Settings, here: Settings) -> None:
         )
 
 
-def _with_unlisted(manifest: Manifest, folder: Path) -> Manifest:
+def with_unlisted(manifest: Manifest, folder: Path) -> Manifest:
     """Return the manifest with the files of the folder that it did not list; each is read whole.
 
     Raises:

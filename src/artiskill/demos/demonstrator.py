@@ -97,15 +97,15 @@ class RecordedActions:
 
     Args:
         actions: (T, A).
+        disturbed: (T,) which of them are not what was wanted; by default none.
 
     Attributes:
-        disturbed: False; it does not follow from the actions.
+        disturbed: whether the last action was one of these.
     """
 
-    disturbed = False
-
-    def __init__(self, actions: np.ndarray) -> None:
-        self._actions, self._step = actions, 0
+    def __init__(self, actions: np.ndarray, disturbed: np.ndarray | None = None) -> None:
+        self._actions, self._step, self.disturbed = actions, 0, False
+        self._disturbed = np.zeros(len(actions), dtype=np.bool_) if disturbed is None else disturbed
 
     def begin(self, env: ManipulationEnv) -> None:
         """Begin at the first action."""
@@ -116,6 +116,7 @@ class RecordedActions:
         if self._step == len(self._actions):
             return None
         self._step += 1
+        self.disturbed = bool(self._disturbed[self._step - 1])
         action: np.ndarray = self._actions[self._step - 1]
         return action
 

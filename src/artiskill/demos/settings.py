@@ -19,6 +19,7 @@ from artiskill.tasks.task import Task
 from artiskill.versions import versions
 
 CONTROLLER = "controller"  # the kind of expert that `experts.registry` makes
+HUMAN = "human"  # a person who drove the robot
 _MOST_BITS = 40  # float32 keeps fewer anyway
 MOST_COMPRESSION = 9  # of gzip
 # keys of a task's configuration that make it the one of its name, and that no override may hold
@@ -80,8 +81,8 @@ class ExpertInfo:
     """Who demonstrated."""
 
     name: str  # of its class
-    kind: str  # `controller`, for one that follows rules
-    config_hash: str  # of its configuration, its variation and its disturbance
+    kind: str  # `controller`, for one that follows rules; `human`, for a person
+    config_hash: str  # of its configuration, its variation and its disturbance; empty of a person
 
 
 @dataclass(frozen=True)

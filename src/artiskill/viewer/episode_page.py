@@ -19,36 +19,28 @@ from artiskill.evaluation.recording import shown_points
 from artiskill.files import atomic_write, check_output_folder, output_path
 from artiskill.sensors.pictures.framing import framing_camera
 from artiskill.sensors.render_config import load_render_config
+from artiskill.sim.simulation import contacts_of
 from artiskill.viewer import serving
-from artiskill.viewer.playback import SPEEDS, LiveEpisode, Moment, Player, Timeline, reward_text, state_text
-from artiskill.viewer.scene_view import (
-    LAYERS,
-    PICTURES,
-    TARGET,
-    SceneView,
-    SensorView,
-    add_stage,
-    scene_bodies,
+from artiskill.viewer.driving import Do, HandPanel, from_browser
+from artiskill.viewer.overlays import CONTACTS, PICTURES, ContactView, SensorView
+from artiskill.viewer.playback import (
+    SOLVED,
+    SPEEDS,
+    LiveEpisode,
+    Moment,
+    Player,
+    Timeline,
+    contact_text,
+    reward_text,
+    state_text,
 )
+from artiskill.viewer.scene_view import LAYERS, TARGET, SceneView, add_stage, blended_poses, scene_bodies
 
-Do = Callable[[Callable[[], None]], None]  # has something done by the thread of the page
-_SENSORS_PER_S, _TEXT_PER_S, _UPDATES_PER_S = 5.0, 10.0, 60.0
+_POSES_PER_S, _TEXT_PER_S, _SENSORS_PER_S, _UPDATES_PER_S = 30.0, 10.0, 5.0, 60.0
 # Okabe and Ito's colours, as of masks
 _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f7f7f", "#000000")
 # from where scenes are looked at first: cabinets face -x, and robots stand before them
 _DIRECTION_DEG, _SIZE_PX = (226.0, 22.0), (640, 480)
-# buttons that drive the trunk: shares of the greatest velocity forward, to the left, of yaw and of the lift
-_WAYS = {
-    "forward": (0.6, 0.0, 0.0, 0.0),
-    "back": (-0.6, 0.0, 0.0, 0.0),
-    "left": (0.0, 0.6, 0.0, 0.0),
-    "right": (0.0, -0.6, 0.0, 0.0),
-    "turn left": (0.0, 0.0, 0.2, 0.0),
-    "turn right": (0.0, 0.0, -0.2, 0.0),
-    "up": (0.0, 0.0, 0.0, 0.4),
-    "down": (0.0, 0.0, 0.0, -0.4),
-}
-_OPEN_MM, _GIZMO_M = 40, 0.25  # a finger from the middle; the size of a gizmo
 _LAST_S = 1.0  # for which a replay stays at its end
 _CLIENT_TITLE = "<title>Viser</title>"
 
@@ -66,12 +58,6 @@ class Picker(Protocol):
         """Return the chosen episode from its beginning."""
 
 
-def from_browser(event: Any, do: Do, command: Callable[[], None]) -> None:
-    """Have a command done if a person caused the event, and not the program."""
-    if event.client_id is not None:
-        do(command)
-
-
 class EpisodePage:
     """One episode in the browser, and the panel that steers it.
 
@@ -79,28 +65,30 @@ class EpisodePage:
         server: of viser.
         picker: which episode is shown, and can be chosen.
         plays: whether it plays as soon as somebody looks.
+        record: folder of demonstrations that episodes solved by hand join; None to store nothing.
 
     Attributes:
         player: which moment is shown.
         view: what is drawn.
-        frames: how often a moment has been shown.
+        frames: how often poses have been shown.
 
     Raises:
         ArtiSkillError: the first episode cannot be loaded.
     """
 
-    def __init__(self, server: Any, picker: Picker, plays: bool = True) -> None:
-        self._server, self._picker, self._plays = server, picker, plays
+    def __init__(self, server: Any, picker: Picker, plays: bool = True, record: Path | None = None) -> None:
+        self._server, self._picker, self._plays, self._record = server, picker, plays, record
         self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._sensors: SensorView | None = None
-        self._next_s = {"sensors": 0.0, "text": 0.0}
+        self._touching = ContactView(server)
+        self._next_s = {"poses": 0.0, "text": 0.0, "sensors": 0.0}
         self._is_shown = False
-        self._gizmos: list[Any] = []
+        self._ended: Moment | None = None  # the last end that was shown
         self.frames = 0
-        self.player = Player(picker.load())
+        self.player = Player(self._load())
         self.view = self._enter()
         _add_stage(server, self.player.timeline)
-        self._show_poses(self.player.moment)
+        self._show_poses()
         self._add_panel()
         self._hand_folder.visible = isinstance(self.player.timeline, LiveEpisode)
         self.show()
@@ -118,19 +106,28 @@ class EpisodePage:
         view.show_layer(TARGET, True)
         return view
 
+    def _load(self) -> Timeline:
+        timeline = self._picker.load()
+        if self._record is not None and isinstance(timeline, LiveEpisode):
+            try:
+                timeline.check_store(self._record)  # before anybody drives
+            except BaseException:
+                timeline.close()
+                raise
+        return timeline
+
     def load(self) -> None:
         """Show the episode that the picker stands at, from its beginning; an error is told on the page."""
         self._picker.take_over()
         try:
-            timeline = self._picker.load()
+            timeline = self._load()
         except (ArtiSkillError, IndexError) as error:
             self._title.content = f"**error:** {html.escape(str(error))}"
             return
         self.player.timeline.close()
         layers, speed = self.view.shown, self.player.speed
         self.view.remove()
-        self._remove_gizmos()
-        self._by_hand.value = False
+        self._hand.detach()
         if self._sensors is not None:
             self._sensors.remove()
             self._sensors = None
@@ -140,7 +137,7 @@ class EpisodePage:
         for layer in layers:
             self.view.show_layer(layer, True)
         self.view.show_surfaces(self._surfaces.value)
-        self._title.content = _title(timeline)
+        self._title.content, self._hand.note.content = _title(timeline), ""
         self._plot.series = self._series()
         self._hand_folder.visible = isinstance(timeline, LiveEpisode)
         if self._plays:
@@ -155,29 +152,41 @@ class EpisodePage:
     def _show_moment(self) -> None:
         """Show the present moment; text and what cameras see not more often than people can follow."""
         moment = self.player.moment
-        self._show_poses(moment)
+        if self._is_due("poses", _POSES_PER_S):
+            self._show_poses()
+            self._hand.follow()
         if self._is_due("text", _TEXT_PER_S):
             self._show_text(moment)
+            self._show_contacts(moment)
         if self._is_due("sensors", _SENSORS_PER_S):
             self._show_sensors(moment)
-        self.frames += 1
+        if self.player.at_end and moment is not self._ended:
+            self._ended = moment
+            self._store()
 
-    def _show_poses(self, moment: Moment) -> None:
-        snapshot = moment.context.snapshot
-        self.view.set_poses(snapshot.body_position_w[0], snapshot.body_quaternion_w[0])
-        if self._gizmos and self._live().hand.has_moved_on:  # else a person may be moving them
-            hand = self._live().hand
-            hand.has_moved_on = False
-            for gizmo, position, quaternion in zip(
-                self._gizmos, hand.positions_w, hand.quaternions_w, strict=True
-            ):
-                gizmo.position, gizmo.wxyz = position, quaternion
+    def _store(self) -> None:
+        """Store the episode if a person has solved it, and say where, or why not."""
+        timeline, folder = self.player.timeline, self._record
+        if folder is None or not isinstance(timeline, LiveEpisode) or not timeline.was_driven:
+            return
+        if self.player.moment.end != SOLVED:
+            return
+        try:
+            said = f"stored: {timeline.store(folder)}"
+        except ArtiSkillError as error:
+            said = f"not stored: {error}"
+        self._hand.note.content = html.escape(said)
+
+    def _show_poses(self) -> None:
+        before, moment, share = self.player.between()
+        self.view.set_poses(*blended_poses(before.context.snapshot, moment.context.snapshot, share))
+        self.frames += 1
 
     def _is_due(self, what: str, per_s: float) -> bool:
         now = time.monotonic()
         if now < self._next_s[what] and self.player.is_playing:
             return False
-        self._next_s[what] = now + 1.0 / per_s
+        self._next_s[what] = max(self._next_s[what] + 1.0 / per_s, now)  # on average, though updates come late
         return True
 
     def _show_text(self, moment: Moment) -> None:
@@ -188,6 +197,15 @@ class EpisodePage:
         self._state.content = state_text(moment)
         self._rewards.content = reward_text(moment)
         self._plot.data = self._plotted()
+
+    def _show_contacts(self, moment: Moment) -> None:
+        self._forces.visible = self._contacts.value
+        if not self._contacts.value:
+            self._touching.remove()
+            return
+        contacts = contacts_of(self.player.timeline.scene, moment.state.simulation)
+        self._touching.show(contacts)
+        self._forces.content = contact_text(contacts)
 
     def _show_sensors(self, moment: Moment) -> None:
         kind, is_cloud = self._pictures.value, self._cloud.value
@@ -228,7 +246,7 @@ class EpisodePage:
             self._add_playback(gui)
         self._state = gui.add_markdown("")
         with gui.add_folder("by hand", expand_by_default=False, visible=False) as self._hand_folder:
-            self._add_hand(gui)
+            self._hand = HandPanel(self._server, self.do, self._switch_hand)
         with gui.add_folder("robot's cameras"):
             self._pictures = gui.add_dropdown("pictures", PICTURES, initial_value=PICTURES[0])
             self._cloud = gui.add_checkbox("point cloud", initial_value=False)
@@ -268,57 +286,17 @@ class EpisodePage:
         self._slider.on_update(lambda event: from_browser(event, self.do, partial(seek, int(event.target.value))))
         speeds.on_update(lambda event: from_browser(event, self.do, lambda: self.player.set_speed(speeds.value)))
 
-    def _add_hand(self, gui: Any) -> None:
-        """Add what a person drives with: a switch, a button for each way, the fingers."""
-        self._by_hand = gui.add_checkbox("drive", initial_value=False, hint="from the step that is shown")
-        self._by_hand.on_update(lambda event: from_browser(event, self.do, self._switch_hand))
-        for name, share in _WAYS.items():
-            button = gui.add_button(name, hint="hold it")
-            button.on_hold(lambda event, share=share: self.do(partial(self._push, share)), callback_hz=10.0)
-        self._fingers = gui.add_slider("fingers (mm)", 0, _OPEN_MM, 1, _OPEN_MM)
-        self._fingers.on_update(lambda event: from_browser(event, self.do, self._set_fingers))
-
-    def _switch_hand(self) -> None:
+    def _switch_hand(self, by_hand: bool) -> None:
         """Take over from the step that is shown, or hand back there."""
-        timeline = self._live()
-        timeline.take_over(self.player.position, self._by_hand.value)
-        self._set_fingers()
-        self._remove_gizmos()
-        if self._by_hand.value:
-            self._gizmos = [self._add_gizmo(arm) for arm in range(len(timeline.hand.positions_w))]
-        self.player.play()
-        self.show()
-
-    def _add_gizmo(self, arm: int) -> Any:
-        """Return a gizmo at a hand; where it is moved to, the hand goes."""
-        hand = self._live().hand
-        gizmo = self._server.scene.add_transform_controls(
-            f"/hand-{arm}", scale=_GIZMO_M, depth_test=False, position=hand.positions_w[arm]
-        )
-        gizmo.wxyz = hand.quaternions_w[arm]
-
-        def follow() -> None:
-            hand.positions_w[arm], hand.quaternions_w[arm] = gizmo.position, gizmo.wxyz
-
-        gizmo.on_update(lambda event: from_browser(event, self.do, follow))
-        return gizmo
-
-    def _remove_gizmos(self) -> None:
-        for gizmo in self._gizmos:
-            gizmo.remove()
-        self._gizmos = []
-
-    def _push(self, share: Sequence[float]) -> None:
-        if self._by_hand.value:
-            self._live().hand.push(share)
-
-    def _set_fingers(self) -> None:
-        self._live().hand.opening_m = self._fingers.value / 1000.0
-
-    def _live(self) -> LiveEpisode:
         timeline = self.player.timeline
         assert isinstance(timeline, LiveEpisode), "only live episodes are driven"
-        return timeline
+        timeline.take_over(self.player.position, by_hand)
+        if by_hand:
+            self._hand.attach(timeline.hand)
+        else:
+            self._hand.detach()
+        self.player.play()
+        self.show()
 
     def _add_layers(self, gui: Any) -> None:
         self._surfaces = gui.add_checkbox("surfaces", initial_value=True)
@@ -332,6 +310,9 @@ class EpisodePage:
                 from_browser(event, self.do, lambda: self.view.show_layer(layer, box.value))
 
             box.on_update(switch)
+        self._contacts = gui.add_checkbox(CONTACTS, initial_value=False)
+        self._contacts.on_update(lambda event: from_browser(event, self.do, self.show))
+        self._forces = gui.add_markdown("", visible=False)
 
     def _add_plot(self, gui: Any) -> Any:
         scales = {"x": {"time": False, "auto": True}, "y": {"auto": True}}
@@ -357,8 +338,9 @@ class EpisodePage:
         if is_watched and not self._is_shown:
             self.player.set_speed(self.player.speed)  # time begins when the first one looks
         self._is_shown = is_watched
-        if is_watched and self.player.update():
-            self.show() if not self.player.is_playing else self._show_moment()
+        if is_watched and self.player.is_playing:
+            self.player.update()
+            self._show_moment() if self.player.is_playing else self.show()
 
     def run(self) -> None:
         """Show the episode until the process is interrupted."""

@@ -1,4 +1,4 @@
-"""What chooses the episode that a page shows: one that is played, or a demonstration of a file."""
+"""What chooses the episode that a page shows: one that is played, a demonstration, or an episode of a report."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -7,15 +7,25 @@ from typing import Any
 import numpy as np
 
 from artiskill.assets.catalog import list_objects, load_object
+from artiskill.config import check
 from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.demos import Demos
 from artiskill.errors import ConfigError
 from artiskill.evaluation.pictures import EpisodeChoice
 from artiskill.evaluation.policies import POLICY_NAMES
+from artiskill.evaluation.report import ACTIONS_FILE, unpack_actions
+from artiskill.evaluation.verify import plan_again, read_report
 from artiskill.sensors.pictures.objects import OrbitView, render_object
 from artiskill.tasks.registry import make_task, task_names
-from artiskill.viewer.episode_page import Do, Picker, from_browser
-from artiskill.viewer.playback import LiveEpisode, Timeline, recorded_episode
+from artiskill.viewer.driving import Do, from_browser
+from artiskill.viewer.episode_page import Picker
+from artiskill.viewer.playback import (
+    NOT_SOLVED,
+    SOLVED,
+    LiveEpisode,
+    Timeline,
+)
+from artiskill.viewer.recorded import ReportedEpisode, recorded_episode
 
 DRAWN_BY_LEVEL = "drawn by the level"
 _PICTURE = OrbitView(width=320, height=240)
@@ -141,3 +151,83 @@ class DemoPicker(Picker):
         self._object = self._objects.value
         self._count, self._number = self._counted(), 0
         self._numbers.value, self._numbers.max = 0, max(self._count - 1, 1)
+
+
+class ReportPicker(Picker):
+    """An episode of a report: its object, and then the episode, of all or only of those that were not solved.
+
+    Args:
+        folder: of the report.
+        number: of the episode that is shown first, as episodes.csv counts them from 0.
+
+    Raises:
+        ConfigError: the folder holds no whole report, or it was changed.
+        ArtiSkillError: this version makes other episodes of what it says.
+    """
+
+    def __init__(self, folder: Path, number: int = 0) -> None:
+        stored = read_report(folder)
+        plan = plan_again(stored.report)
+        self._policy = stored.report.policy
+        self._results, self._actions = stored.episodes(), unpack_actions(stored.files[ACTIONS_FILE])
+        per_row = len(plan.batches[0].levels)
+        self._batches = [batch for batch in plan.batches for _ in range(per_row)]
+        if not len(self._batches) == len(self._results) == len(self._actions):
+            raise ConfigError(f"{str(folder)!r} is damaged: `artiskill report verify` says where")
+        check(
+            0 <= number < len(self._results),
+            f"the report has the episodes 0 to {len(self._results) - 1}, not {number}",
+        )
+        self._number = number
+
+    def load(self) -> Timeline:
+        """Return the chosen episode."""
+        batch = replace(self._batches[self._number], obs_mode="state", sampling=None)
+        return ReportedEpisode(
+            batch.make_env(), self._actions[self._number], self._results[self._number], self._policy
+        )
+
+    def add_to(self, server: Any, do: Do) -> None:
+        """Add the widgets."""
+        gui, labels = server.gui, self._labels(False)
+        self._failures = gui.add_checkbox("only unsolved", initial_value=False)
+        self._rows = gui.add_dropdown("object", tuple(labels), initial_value=self._row(self._number))
+        self._episodes = gui.add_dropdown(
+            "episode", tuple(labels[self._rows.value]), initial_value=self._label(self._number)
+        )
+        self._failures.on_update(lambda event: from_browser(event, do, self._filter))
+        self._rows.on_update(lambda event: from_browser(event, do, self._choose_row))
+
+    def take_over(self) -> None:
+        """Take over what the widgets stand at."""
+        self._number = self._labels(False)[self._rows.value][self._episodes.value]
+
+    def _filter(self) -> None:
+        labels = self._labels(self._failures.value)
+        if not labels:  # all were solved
+            self._failures.value = False
+            return
+        self._rows.options = tuple(labels)
+        if self._rows.value not in labels:
+            self._rows.value = next(iter(labels))
+        self._choose_row()
+
+    def _choose_row(self) -> None:
+        found = tuple(self._labels(self._failures.value)[self._rows.value])
+        self._episodes.options, self._episodes.value = found, found[0]
+
+    def _labels(self, only_unsolved: bool) -> dict[str, dict[str, int]]:
+        """Return by object (and target) the episodes, label -> number."""
+        found: dict[str, dict[str, int]] = {}
+        for number, result in enumerate(self._results):
+            if not (only_unsolved and result.success):
+                found.setdefault(self._row(number), {})[self._label(number)] = number
+        return found
+
+    def _row(self, number: int) -> str:
+        return ", ".join(self._batches[number].row)
+
+    def _label(self, number: int) -> str:
+        result = self._results[number]
+        end = SOLVED if result.success else result.fault or NOT_SOLVED
+        return f"level {result.level}, {result.target}: {end}, {result.length} steps"

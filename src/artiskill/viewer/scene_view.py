@@ -1,4 +1,4 @@
-"""What is drawn in the browser: bodies, layers that can be switched on, what the robot's cameras see.
+"""What is drawn in the browser: bodies, and layers that can be switched on.
 
 A body is a node of viser's scene tree; its surfaces, collision shapes and axes are below it and move with it.
 """
@@ -13,32 +13,25 @@ import numpy as np
 from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape, VisualMesh
 from artiskill.assets.kinematics import link_poses
 from artiskill.checks.surfaces import collision_mesh
-from artiskill.envs.core import ObservationContext, empty_observation
-from artiskill.envs.vision import PointCloudObserver
 from artiskill.errors import check_name
 from artiskill.exports.common import linear_to_srgb
 from artiskill.exports.glb import body_glb
 from artiskill.geometry.meshes import TriMesh, merge
-from artiskill.geometry.rotations import quat_from_matrix
 from artiskill.scene.scene import Scene
-from artiskill.sensors.pictures.compose import below, paint_depth, paint_masks
 from artiskill.sensors.render_config import BackgroundConfig, FloorConfig, RenderConfig
-from artiskill.tasks.task import Task
+from artiskill.sim.snapshot import Snapshot
 
 TARGET, SHAPES, AXES, GRASPS = "target", "collision shapes", "joint axes", "grasp poses"
 LAYERS = (TARGET, SHAPES, AXES, GRASPS)
-PICTURES = ("colour", "masks", "depth", "off")
 
 _ROOT = "/scene"
 _ORANGE, _BLUE, _GREEN, _RED = (230, 120, 0), (60, 120, 220), (40, 160, 90), (220, 40, 40)
 _LINE_M, _AXIS_M, _GRASP_M, _MARGIN_M = 0.006, 0.25, 0.05, 0.012
 _ABOVE_M, _CAPTION_M = 0.0015, 0.1
 _MOST_GRASPS = 12  # of a handle; the best ones
-_MOST_POINTS = 40_000
 _FLOOR_M = 40.0  # half of a side
 _ROOM = 1.15  # the camera stands so many times as far away as it has to
 _ASIDE = 0.24  # the camera stands so much of its distance to the right: the panel covers the right
-_POINT_M, _FRUSTUM_M, _FRUSTUM_LINE_M, _DEPTH_BLACK_M = 0.009, 0.12, 0.004, 7.0
 # A directional light of intensity 1 makes a white surface that faces it 1 / pi as bright as our renderer's does.
 _LIGHT = math.pi
 _SAME_M, _SAME_QUATERNION = 1e-6, 1e-6  # smaller changes of a pose are not sent
@@ -83,6 +76,17 @@ def object_bodies(obj: ArticulatedObject) -> dict[int, Body]:
         i: Body(f"object/{link.name}", tuple(link.visuals), tuple(link.collisions))
         for i, link in enumerate(obj.links)
     }
+
+
+def blended_poses(before: Snapshot, after: Snapshot, share: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return poses (N, 3) and (N, 4) a share of the way from one snapshot to another, B = 1; 1 is the other's."""
+    if share >= 1.0:
+        return after.body_position_w[0], after.body_quaternion_w[0]
+    first, last = before.body_quaternion_w[0], after.body_quaternion_w[0]
+    last = np.where((first * last).sum(axis=1, keepdims=True) < 0.0, -last, last)  # the shorter way
+    turned = first + share * (last - first)
+    positions = before.body_position_w[0] + share * (after.body_position_w[0] - before.body_position_w[0])
+    return positions, turned / np.linalg.norm(turned, axis=1, keepdims=True)
 
 
 class SceneView:
@@ -305,101 +309,3 @@ def _bytes(linear: Sequence[float]) -> tuple[int, int, int]:
     """Return a linear colour as sRGB bytes."""
     red, green, blue = (round(255 * float(v)) for v in linear_to_srgb(np.asarray(linear)))
     return red, green, blue
-
-
-class SensorView:
-    """What the robot's cameras see: pictures, the cameras themselves, and their points where they are.
-
-    Args:
-        server: of viser.
-        task: whose cameras and masks these are.
-        scene: what they see.
-        target: the target link.
-    """
-
-    def __init__(self, server: Any, task: Task, scene: Scene, target: str) -> None:
-        self._server, self._shape = server, (task.cameras.number, task.cameras.height, task.cameras.width)
-        self._observer = PointCloudObserver(task)
-        self._observer.enter(scene, target)
-        self._observation = empty_observation(self._observer.space)
-        self._cameras = np.zeros((0, 4, 4))
-        order = np.random.default_rng(0).permutation(task.cameras.pixels)  # every tenth pixel would make stripes
-        self._chosen = np.sort(order[:_MOST_POINTS])
-        self._frustums: list[Any] = []
-        self._points: Any = None
-        self._fov_rad = math.radians(task.cameras.fov_deg)
-
-    def observe(self, context: ObservationContext) -> None:
-        """Look at a moment."""
-        self._cameras = self._observer.observe(context, self._observation)["cameras"]["world_to_camera"]
-
-    def picture(self, kind: str) -> np.ndarray:
-        """Return the cameras' pictures, one below the other, (H, W, 3) uint8.
-
-        Raises:
-            UnknownNameError: not one of `PICTURES`, or `off`.
-        """
-        check_name("picture", kind, PICTURES[:-1])
-        cloud = self._observation["pointcloud"]
-        rgb = cloud["rgb"].reshape(*self._shape, 3)
-        if kind == "masks":
-            rgb = paint_masks(rgb, cloud["seg"].reshape(*self._shape, -1))
-        elif kind == "depth":
-            rgb = paint_depth(self._depth(cloud["xyz"]), _DEPTH_BLACK_M)
-        return below(list(rgb))
-
-    def _depth(self, xyz: np.ndarray) -> np.ndarray:
-        """Return the depth along each optical axis, (C, H, W) metres, 0 where nothing is seen."""
-        points = xyz.reshape(self._shape[0], -1, 3)
-        axis, shift = self._cameras[:, 2, :3], self._cameras[:, 2, 3]
-        depth = (points * axis[:, None]).sum(axis=2) + shift[:, None]
-        return np.where(points.any(axis=2), depth, 0.0).reshape(self._shape)
-
-    def cloud(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return points (P, 3) float32 in the world and colours (P, 3) uint8, thinned out where there are many."""
-        cloud = self._observation["pointcloud"]
-        xyz, rgb = cloud["xyz"][self._chosen], cloud["rgb"][self._chosen]
-        seen = xyz.any(axis=1)
-        return xyz[seen], rgb[seen]
-
-    def show_cloud(self, is_visible: bool) -> None:
-        """Draw points and cameras, or take them away."""
-        if not is_visible:
-            self.remove()
-            return
-        xyz, rgb = self.cloud()
-        if self._points is None:
-            self._points = self._server.scene.add_point_cloud(
-                "/sensors/points", xyz, rgb, point_size=_POINT_M, precision="float32", point_shading="flat"
-            )
-            self._frustums = [self._add_frustum(k) for k in range(self._shape[0])]
-        else:
-            self._points.points, self._points.colors = xyz, rgb
-        for frustum, (position, quaternion) in zip(self._frustums, self.camera_poses(), strict=True):
-            frustum.position, frustum.wxyz = position, quaternion
-
-    def camera_poses(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Return position (3,) and orientation (4,) of each camera in the world; x right, y down, z forward."""
-        poses = []
-        for matrix in self._cameras:
-            rotation = matrix[:3, :3].T
-            poses.append((-rotation @ matrix[:3, 3], quat_from_matrix(rotation)))
-        return poses
-
-    def _add_frustum(self, number: int) -> Any:
-        _, height, width = self._shape
-        return self._server.scene.add_camera_frustum(
-            f"/sensors/camera-{number}",
-            fov=self._fov_rad,
-            aspect=width / height,
-            scale=_FRUSTUM_M,
-            thickness=_FRUSTUM_LINE_M,
-            color=_BLUE,
-            cast_shadow=False,
-        )
-
-    def remove(self) -> None:
-        """Take points and cameras away."""
-        for handle in (*self._frustums, *([] if self._points is None else [self._points])):
-            handle.remove()
-        self._frustums, self._points = [], None
