@@ -10,7 +10,7 @@ bootstrap = @$(PYTHON) tools/bootstrap.py --venv $(VENV)
 python = $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-dev demo test test-slow test-learn test-viewer test-rl test-lerobot test-ray test-gltf lint types format bench docs site clean clean-env
+.PHONY: help setup setup-dev demo test test-slow test-learn test-viewer test-rl test-lerobot test-doors test-ray test-gltf lint types format bench docs site clean clean-env
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
@@ -50,13 +50,19 @@ test-rl: ## run the tests that need torch, TorchRL or Stable-Baselines3, in .ven
 		-k "sb3 or torch or stable_baselines or example or record_video"
 
 test-lerobot: VENV = .venv-lerobot
-test-lerobot: ## let LeRobot read what is exported for it, in .venv-lerobot
+test-lerobot: ## let LeRobot read what is exported for it, and play our tasks, in .venv-lerobot
 	$(bootstrap) test
 	$(python) -m pip install torch==2.13.0
 	$(python) -m pip install --no-deps lerobot==0.4.4 torchvision==0.23.0
 	$(python) -m pip install "datasets<5" "huggingface-hub<0.36" "av<16" "packaging<26" draccus==0.10.0 jsonlines \
-		deepdiff einops pandas opencv-python-headless termcolor accelerate
-	$(python) -m pytest tests/demos/test_lerobot_library.py -m slow
+		deepdiff einops pandas opencv-python-headless termcolor accelerate pyserial "diffusers<0.36"
+	$(python) -m pip install --no-deps plugins/lerobot_env_artiskill
+	$(python) -m pytest tests/demos/test_lerobot_library.py tests/compat/test_lerobot_library.py -m slow
+
+test-doors: VENV = .venv-doors
+test-doors: ## let vla-eval play our tasks, in .venv-doors
+	$(bootstrap) test vla
+	$(python) -m pytest tests/compat/test_vla_eval.py
 
 test-ray: VENV = .venv-ray
 test-ray: ## run the tests that need a Ray cluster, of two nodes here, in .venv-ray
@@ -100,4 +106,4 @@ clean: ## remove results and caches
 	find src tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
 
 clean-env: ## remove the environments too
-	rm -rf $(VENV) .venv-learn .venv-viewer .venv-rl .venv-lerobot .venv-ray
+	rm -rf $(VENV) .venv-learn .venv-viewer .venv-rl .venv-lerobot .venv-doors .venv-ray

@@ -5,6 +5,7 @@ docs/demonstrations.md says how to make an environment for it.
 
 import importlib.util
 import re
+import sys
 import warnings
 from pathlib import Path
 from typing import Any
@@ -19,9 +20,8 @@ from artiskill.demos.training_file import TrainingFile
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("default")]
 
 
-@pytest.fixture(scope="module")
-def dataset_class() -> Any:
-    """`LeRobotDataset`.
+def load_lerobot() -> None:
+    """Import LeRobot, or skip the test.
 
     A torchvision that was built for CUDA cannot load its operators beside a torch without. Datasets need none of
     them; but they must be known, or it is not imported at all.
@@ -30,14 +30,26 @@ def dataset_class() -> Any:
     found = importlib.util.find_spec("torchvision")
     if found is None or found.origin is None or importlib.util.find_spec("lerobot") is None:
         pytest.skip("LeRobot is not installed")
-    if torch.version.cuda is None:
+    if torch.version.cuda is None and "torchvision" not in sys.modules:
         text = (Path(found.origin).parent / "_meta_registrations.py").read_text()
         library = torch.library.Library("torchvision", "DEF")
         for name in set(re.findall(r'register_(?:meta|fake)\("(?:torchvision::)?(\w+)"\)', text)):
             library.define(f"{name}(Tensor x) -> Tensor")
+        _LIBRARIES.append(library)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        from lerobot.datasets.lerobot_dataset import LeRobotDataset
+        import lerobot.datasets.lerobot_dataset  # noqa: F401
+
+
+_LIBRARIES: list[Any] = []  # the operators are forgotten with them
+
+
+@pytest.fixture(scope="module")
+def dataset_class() -> Any:
+    """`LeRobotDataset`."""
+    load_lerobot()
+    from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
     return LeRobotDataset
 
 
