@@ -39,6 +39,16 @@ _VERIFY_EPILOG = """examples:
   artiskill report verify results/mine --policy my/solution.py --sample 2
 
 The exit status is 1 if anything is not as the report says. docs/evaluation.md says what this proves."""
+_PAGE_EPILOG = """examples:
+  artiskill report page results/mine
+  artiskill report page results/mine --verify --out mine.html
+
+The page is one file without scripts or requests. Its films are played again from the report's actions."""
+_LEADERBOARD_EPILOG = """examples:
+  artiskill report leaderboard results
+  artiskill report leaderboard results --verify --out board.html
+
+Links lead to the reports' pages, page.html beside each report.json, where they were written."""
 _COMPARE_EPILOG = """example:
   artiskill report compare results/old results/new"""
 
@@ -65,18 +75,42 @@ def add_commands(commands: Any) -> None:
     )
     add_workers(parser)
     _add_evaluate(commands)
-    subcommands = add_group(commands, "report", "verify a report by playing its actions again, or compare two")
+    subcommands = add_group(commands, "report", "verify, show and compare reports")
     parser = add_command(subcommands, "verify", _run_verify, "play a report's actions again", _VERIFY_EPILOG)
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="of the report")
     parser.add_argument("--policy", help="also have the policy play some objects again, and compare its actions")
     parser.add_argument("--sample", type=int, default=1, help="how many objects (default: %(default)s)")
+    _add_given_objects(parser)
+    _add_pages(subcommands)
+    parser = add_command(subcommands, "compare", _run_compare, "compare two reports", _COMPARE_EPILOG)
+    parser.add_argument("first", type=Path, metavar="FIRST", help="folder of a report")
+    parser.add_argument("second", type=Path, metavar="SECOND", help="folder of another one of the same protocol")
+
+
+def _add_given_objects(parser: argparse.ArgumentParser) -> None:
+    """Add options of commands that play reports again."""
     objects = "names or folders of objects that their ids in the report do not lead to"
     parser.add_argument("--objects", nargs="+", default=[], help=objects)
     add_stored_task(parser)
     add_workers(parser)
-    parser = add_command(subcommands, "compare", _run_compare, "compare two reports", _COMPARE_EPILOG)
-    parser.add_argument("first", type=Path, metavar="FIRST", help="folder of a report")
-    parser.add_argument("second", type=Path, metavar="SECOND", help="folder of another one of the same protocol")
+
+
+def _add_pages(subcommands: Any) -> None:
+    summary = "write a page with pictures and films of a report"
+    parser = add_command(subcommands, "page", _run_page, summary, _PAGE_EPILOG)
+    add = parser.add_argument
+    add("folder", type=Path, metavar="FOLDER", help="of the report")
+    add("--out", type=Path, metavar="FILE", help="the page (default: FOLDER/page.html)")
+    add("--films", type=int, help="number of objects with films, a success and a failure of each (default: 20)")
+    add("--verify", action="store_true", help="play all actions again first; no page of a report that differs")
+    _add_given_objects(parser)
+    summary = "write a page that ranks the reports below a folder"
+    parser = add_command(subcommands, "leaderboard", _run_leaderboard, summary, _LEADERBOARD_EPILOG)
+    add = parser.add_argument
+    add("folder", type=Path, metavar="FOLDER", help="with reports below it")
+    add("--out", type=Path, metavar="FILE", help="the page (default: FOLDER/leaderboard.html)")
+    add("--verify", action="store_true", help="play all actions again; reports that differ are not ranked")
+    _add_given_objects(parser)
 
 
 def _add_evaluate(commands: Any) -> None:
@@ -255,6 +289,43 @@ def _run_verify(arguments: argparse.Namespace) -> int:
     for fault in faults:
         print(f"  {fault}")
     return EXIT_FAULTS if faults else 0
+
+
+def _run_page(arguments: argparse.Namespace) -> None:
+    from artiskill.cli.progress import ProgressBar
+    from artiskill.errors import ConfigError
+    from artiskill.evaluation.report_page import FILMS, read_page_source, write_report_page
+    from artiskill.evaluation.verify import verify_report
+
+    workers, verified = workers_of(arguments), None
+    films = FILMS if arguments.films is None else arguments.films
+    source = read_page_source(arguments.folder, films, arguments.objects)
+    if arguments.verify:
+        with ProgressBar("playing again", len(source.episodes), "episodes") as progress:
+            verified = verify_report(
+                arguments.folder, workers, lambda result: progress.advance(result.success), arguments.objects
+            )
+        if verified.faults:
+            more = f" (and {len(verified.faults) - 1} more)" if len(verified.faults) > 1 else ""
+            raise ConfigError(f"{str(arguments.folder)!r} is not what it says: {verified.faults[0]}{more}")
+    with ProgressBar("drawing", len(source.films), "films") as progress:
+        path = write_report_page(source, arguments.out, workers, lambda _: progress.advance(), verified)
+    print(f"page: {path}")
+
+
+def _run_leaderboard(arguments: argparse.Namespace) -> None:
+    from artiskill.cli.progress import ProgressBar
+    from artiskill.evaluation.leaderboard import find_reports, read_leaderboard, write_leaderboard
+
+    folder, workers = arguments.folder, workers_of(arguments)
+    with ProgressBar("reading", len(find_reports(folder)), "reports") as progress:
+        board = read_leaderboard(
+            folder, arguments.verify, workers, arguments.objects, lambda _: progress.advance()
+        )
+    path = write_leaderboard(board, arguments.out)
+    for one in board.refused:
+        print(f"not ranked: {one.folder}: {one.reasons[0]}")
+    print(f"page: {path}")
 
 
 def _verdict(faults: tuple[str, ...]) -> str:

@@ -41,6 +41,7 @@ from artiskill.evaluation.statistics import (
     EpisodeStatistics,
     Interval,
     compare_episodes,
+    object_interval,
     summarize,
 )
 from artiskill.files import parse_json, read_bytes
@@ -167,12 +168,27 @@ class ReportFolder:
         """
         try:
             found = [_episode_of(row) for row in self.rows]
-            is_same = summarize(found) == summarize_stored(self.report)
+            is_same = self._follows_from(found)
         except (KeyError, TypeError, ValueError, ZeroDivisionError, IndexError):
             is_same = False
         if not is_same or self.mapping["sha256"] != mapping_sha256(self.mapping):
             raise ConfigError(f"{str(self.path)!r} is damaged or forged; `artiskill report verify` says where")
         return found
+
+    def _follows_from(self, episodes: Sequence[EpisodeResult]) -> bool:
+        """Whether these episodes are all there are, and report.json's numbers theirs."""
+        report, count = self.report, len(self.report.counted_levels)
+        parts = [episodes[start : start + count] for start in range(0, len(episodes), count)]
+        rows = [
+            StoredRow(**vars(summarize(part)), object=row.object, target=row.target, content_hash=row.content_hash)
+            for part, row in zip(parts, report.objects, strict=True)
+            if {episode.object for episode in part} == {row.object}
+        ]
+        return (
+            tuple(rows) == report.objects
+            and summarize(episodes) == summarize_stored(report)
+            and object_interval(episodes) == report.interval_over_objects
+        )
 
 
 def read_report(folder: Path | str) -> ReportFolder:
