@@ -5,6 +5,7 @@ import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -31,6 +32,7 @@ _EPILOG = """examples:
   artiskill evaluate --policy my/solution.py --objects cabinet-0005 cabinet-0010 --episodes 50 --video look.gif
   artiskill evaluate --policy random --objects train --set episode_steps=100
   artiskill evaluate --policy runs/chairs --protocol artiskill-1/PushChair/test/joint/pointcloud
+  artiskill evaluate --policy ws://localhost:8000 --objects test --workers 4
 
 docs/evaluation.md describes solution files and reports."""
 
@@ -54,6 +56,8 @@ _COMPARE_EPILOG = """example:
 
 _TASK, _EPISODES = "OpenCabinetDrawer", 10
 EXIT_FAULTS = 1
+# options of a policy behind a WebSocket
+_OF_SERVER = ("points", "frame", "replan_steps")
 # options that a protocol decides
 _OF_PROTOCOL = ("task", "objects", "target", "episodes", "first_level", "obs_mode", "control_mode", "set")
 _DEMO_EPILOG = """The demo is this command, with 2 episodes on each test object:
@@ -119,9 +123,9 @@ def _add_evaluate(commands: Any) -> None:
     task = f"name of the task, or module:Task (default: that of a trained policy, else {_TASK})"
     add("--task", help=task)
     policies = (
-        "expert, demonstrator, random, still, pretrained, path/to/solution.py or a training run (default: expert)"
+        "expert, demonstrator, random, still, pretrained, path/to/solution.py, a training run or the address"
     )
-    add("--policy", default="expert", help=policies)
+    add("--policy", default="expert", help=f"{policies} ws://host:port of a server (default: expert)")
     add(
         "--protocol",
         help="play this protocol, see `artiskill protocols`: it decides the options from --objects to --set",
@@ -136,9 +140,14 @@ def _add_evaluate(commands: Any) -> None:
     add("--control-mode", help="control mode (default: the policy's, else joint)")
     add_set(parser, "change values of the task's configuration")
     add_workers(parser)
-    add("--step-timeout", type=float, metavar="SECONDS", help="time limit for each action (default: none)")
-    loading = "time limit for loading a solution file (default: 120)"
+    stepping = "time limit for each action (default: none; of a server 60)"
+    add("--step-timeout", type=float, metavar="SECONDS", help=stepping)
+    loading = "time limit for loading a solution file, or connecting to a server (default: 120)"
     add("--load-timeout", type=float, default=120.0, metavar="SECONDS", help=loading)
+    server = parser.add_argument_group("a policy at ws://host:port; by default what its server says").add_argument
+    server("--points", type=int, help="points of the clouds that it gets")
+    server("--frame", help="of these points: world, robot or end_effector")
+    server("--replan-steps", type=int, help="actions of an answer that are taken before it is asked again")
     add("--out", type=Path, metavar="FOLDER", help="write report.json, report.md and CSV files here")
     add("--video", type=Path, metavar="FILE", help="record episodes as .gif, .webp or .mp4")
     recorded = "number of objects to record, an episode each (default: 3)"
@@ -186,6 +195,8 @@ def _run_evaluate(arguments: argparse.Namespace) -> None:
             )
     with _note_earlier_report(arguments.out):
         plan = _plan(arguments)
+        for note in plan.notes:
+            print(f"note: {note}", file=sys.stderr)
         workers = workers_of(arguments)
         check_plan_workers(plan, workers, arguments.step_timeout)
     with nullcontext() if arguments.out is None else lock_folder(arguments.out):
@@ -219,7 +230,7 @@ def _plan(arguments: argparse.Namespace) -> "EvaluationPlan":
     given = {name: value for name, value in asked.items() if value not in (None, [])}
     if arguments.protocol is None:
         given = {"objects": "test", "episodes": _EPISODES, "config": overrides_of(given.pop("set", [])), **given}
-        given.setdefault("task", trained_task(arguments.policy) or _TASK)
+        given["task"] = given.get("task") or trained_task(arguments.policy) or _TASK
     else:
         wanted = standard_protocol(arguments.protocol).arguments
         if given:
@@ -227,7 +238,7 @@ def _plan(arguments: argparse.Namespace) -> "EvaluationPlan":
             raise UsageError(f"--protocol decides {options}, too: give one or the other")
         given = wanted
     plan = plan_evaluation(
-        policy=arguments.policy,
+        policy=_policy(arguments),
         load_timeout_s=arguments.load_timeout,
         salt=arguments.fresh_levels,
         track=arguments.track,
@@ -237,6 +248,20 @@ def _plan(arguments: argparse.Namespace) -> "EvaluationPlan":
         wish = f"{arguments.policy} asks for other cameras or another picture quality"
         raise PolicyError(f"{wish} than {arguments.protocol} has; leave --protocol out to play it all the same")
     return plan
+
+
+def _policy(arguments: argparse.Namespace) -> Any:
+    """Return the policy that is meant, with what is asked of its server."""
+    from artiskill.evaluation.remote import as_remote
+
+    asked = {name: value for name in _OF_SERVER if (value := getattr(arguments, name)) is not None}
+    remote = as_remote(arguments.policy)
+    if remote is not None:
+        return replace(remote, **asked)
+    if asked:
+        options = ", ".join(f"--{name.replace('_', '-')}" for name in asked)
+        raise UsageError(f"{options}: only of a policy at ws://host:port; others say themselves what they need")
+    return arguments.policy
 
 
 def _play_episodes(arguments: argparse.Namespace, plan: "EvaluationPlan", workers: int) -> "Report":

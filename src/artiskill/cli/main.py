@@ -15,7 +15,13 @@ from artiskill.tasks.registry import load_task
 # command -> the module of this package that adds it, in the order of --help
 _MODULES = {
     **{"demo": "evaluate", "evaluate": "evaluate", "report": "evaluate", "protocols": "info", "demos": "demos"},
-    **{"training-set": "training_set", "train": "train", "export-policy": "export_policy", "render": "render"},
+    **{
+        "training-set": "training_set",
+        "train": "train",
+        "export-policy": "export_policy",
+        "serve": "serve",
+        "render": "render",
+    },
     **{"view": "view", "assets": "assets", "bench": "bench", "objects": "info", "tasks": "info"},
     **{"config": "info", "version": "info", "warm": "info"},
 }

@@ -1,5 +1,6 @@
 """Evaluation: a policy acts in episodes on many objects and levels, and a `Report` counts its successes."""
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
@@ -29,6 +30,7 @@ from artiskill.evaluation.policies import (
     load_policy,
     load_within,
 )
+from artiskill.evaluation.remote import RemoteActor, RemotePolicy
 from artiskill.evaluation.report import Report, make_report
 from artiskill.evaluation.statistics import EpisodeResult
 from artiskill.jobs.fork_server import fork_server
@@ -73,9 +75,10 @@ def evaluate(
 
     Args:
         task: name of the task.
-        policy: `expert`, `demonstrator`, `random`, `still`, `pretrained`, path of a solution file, function
-            (observation) -> action, or object with `obs_mode`, `reset(observation, info)` and `act(observation)`,
-            and with `control_mode` unless that is `joint`.
+        policy: `expert`, `demonstrator`, `random`, `still`, `pretrained`, path of a solution file, run or exported
+            file, address `ws://host:port` of a policy's server or a `RemotePolicy`, function (observation) ->
+            action, or object with `obs_mode`, `reset(observation, info)` and `act(observation)`, and with
+            `control_mode` unless that is `joint`.
         objects: a split, an id, a list of ids, or `ArticulatedObject`s.
         episodes: per object.
         first_level: of each object.
@@ -85,9 +88,10 @@ def evaluate(
         config: values of the task's YAML to change, `{"episode_steps": 100}`; keys may be dotted.
         workers: processes; a function or an object is evaluated in this one.
         on_episode: called after every episode, in no fixed order if there are several workers.
-        step_timeout_s: the time in which each action, and each `reset` of the policy, must come; None for any. The
-            policy then never runs in this process, so that it must be given by name or path.
-        load_timeout_s: the time in which a solution file must have been run and its policy constructed.
+        step_timeout_s: the time in which each action, and each `reset` of the policy, must come; None for any, but
+            60 s of a server. The policy then never runs in this process, so that it must be given by name or path.
+        load_timeout_s: the time in which a solution file must have been run and its policy constructed, or a
+            server must answer.
         salt: play `episodes` fresh levels instead, hashes of this text, see `protocols.fresh_levels`.
         track: one of `protocols.TRACKS`, what the policy was made from, for the report.
 
@@ -95,8 +99,8 @@ def evaluate(
         UnknownNameError: an unknown task, object, split, target link, mode, policy or track.
         ConfigError: an illegal number, or an unknown or illegal configuration value.
         AssetError: an object that cannot be used, or that differs from the catalogue's of that id.
-        PolicyError: a policy that cannot be loaded, raises, returns no legal action, takes too long, or ends its
-            process.
+        PolicyError: a policy that cannot be loaded or reached, raises, returns no legal action, takes too long, or
+            ends its process.
     """
     plan = plan_evaluation(
         task,
@@ -150,7 +154,8 @@ def run_batches(
     Raises:
         PolicyError: as of `run_evaluation`.
     """
-    isolated = plan.is_solution or step_timeout_s is not None or min(workers, len(batches)) > 1
+    has_limit = step_timeout_s is not None and not plan.is_remote  # which keeps its time itself
+    isolated = plan.is_solution or has_limit or min(workers, len(batches)) > 1
     if isolated:
         prepare_workers(batches[0])
         if is_run(plan.policy):  # torch takes seconds to import
@@ -189,6 +194,9 @@ class BatchJob:
 
     def load_policy(self, send: Send) -> Actor:
         """Load the policy, within its time limit."""
+        if isinstance(self.batch.policy, RemotePolicy):
+            limit_s = self.step_timeout_s or self.batch.policy.step_timeout_s
+            return RemoteActor(replace(self.batch.policy, step_timeout_s=limit_s))
         if self.load_timeout_s is None:
             return load_policy(self.batch.policy, self.batch.task)
         actor = load_within(self.batch.policy, self.load_timeout_s, send, self.batch.task)
@@ -224,7 +232,7 @@ def run_episode(
         while not done:
             start = time.perf_counter()
             action = check_action(actor.act(env, observation), env.control.size)
-            act_s.append(time.perf_counter() - start)
+            act_s.append(math.nan if actor.from_chunk else time.perf_counter() - start)
             actions.append(np.clip(action, -1.0, 1.0))
             observation, reward, terminated, truncated, info = env.step(action)
             steps, done, reward_sum = steps + 1, terminated or truncated, reward_sum + reward

@@ -34,6 +34,7 @@ from artiskill.evaluation.protocols import (
     name_protocol,
     protocol_digest,
 )
+from artiskill.evaluation.remote import RemotePolicy, as_remote, plan_remote
 from artiskill.jobs.parallel import run_jobs
 from artiskill.jobs.worker import Send
 from artiskill.tasks.levels import check_level
@@ -116,6 +117,7 @@ class EvaluationPlan:
         salt: of fresh levels; None for those that count up.
         track: what the policy was made from, as its author says.
         load_timeout_s: the time in which a solution file must be loaded.
+        notes: what is done otherwise than the policy's server says.
     """
 
     task: Task
@@ -129,6 +131,7 @@ class EvaluationPlan:
     salt: str | None = None
     track: str | None = None
     load_timeout_s: float = LOAD_TIMEOUT_S
+    notes: tuple[str, ...] = ()
 
     @property
     def num_episodes(self) -> int:
@@ -137,8 +140,13 @@ class EvaluationPlan:
 
     @property
     def is_portable(self) -> bool:
-        """Whether another process can load the policy: by its name or path."""
-        return isinstance(self.policy, str)
+        """Whether another process can load the policy: by its name, path or address."""
+        return isinstance(self.policy, str | RemotePolicy)
+
+    @property
+    def is_remote(self) -> bool:
+        """Whether the policy acts behind a WebSocket."""
+        return isinstance(self.policy, RemotePolicy)
 
     @property
     def is_solution(self) -> bool:
@@ -168,7 +176,7 @@ def plan_evaluation(
         UnknownNameError: an unknown task, object, split, target link, observation or control mode, or policy.
         ConfigError: an illegal number of episodes or level, or an unknown or illegal configuration value.
         AssetError: an object that the task cannot use, or that differs from the catalogue's of that id.
-        PolicyError: a policy that cannot be loaded or needs another mode.
+        PolicyError: a policy that cannot be loaded or reached, or needs another mode.
     """
     levels = _levels(episodes, first_level)
     make_task(task, config)  # before any policy is loaded
@@ -177,14 +185,13 @@ def plan_evaluation(
     check_time_limit(load_timeout_s, "for loading a policy")
     name = PRETRAINED if policy == PRETRAINED else None
     policy = policy_of_task(policy, task)
-    actor = inspect_policy(policy, task, load_timeout_s)
+    policy, actor, notes = _inspect_any(policy, task, obs_mode, control_mode, load_timeout_s)
     overrides = merge_overrides(actor.observation_config or {}, config or {})
     resolved = make_task(task, overrides)
     modes = (
         _mode("obs_mode", obs_mode, actor) or _DEFAULT_OBS_MODE,
         _mode("control_mode", control_mode, actor) or JOINT,
     )
-    policy = policy if callable(policy) or hasattr(policy, "act") else str(policy)
     batches = tuple(
         EpisodeBatch(task, overrides, item, link, levels, policy, *modes, content_hash, actor.sampling)
         for item, content_hash in [(o, checked_hash(o)) for o in resolve_objects(objects, task=task)]
@@ -194,10 +201,8 @@ def plan_evaluation(
         batch.make_env()
     batches, protocol = name_batches(resolved, batches, salt)
     track = checked_track(track, isinstance(policy, str) and policy in PRIVILEGED_POLICIES, modes[0])
-    digest = policy_digest(policy)
-    return EvaluationPlan(
-        resolved, name or actor.name, policy, digest, *modes, batches, protocol, salt, track, load_timeout_s
-    )
+    called = name or actor.name, policy, policy_digest(policy)
+    return EvaluationPlan(resolved, *called, *modes, batches, protocol, salt, track, load_timeout_s, notes)
 
 
 def name_batches(
@@ -234,6 +239,19 @@ class PolicySpec:
     observation_config: dict[str, Any] | None = None
 
 
+def _inspect_any(
+    policy: Any, task: str, obs_mode: str | None, control_mode: str | None, load_timeout_s: float
+) -> tuple[Any, PolicySpec, tuple[str, ...]]:
+    """Return a policy as batches hold it, what it needs, and what is done otherwise than its server says."""
+    remote = as_remote(policy)
+    if remote is None:
+        found = inspect_policy(policy, task, load_timeout_s)
+        return policy if callable(policy) or hasattr(policy, "act") else str(policy), found, ()
+    plan = plan_remote(replace(remote, connect_timeout_s=load_timeout_s), obs_mode, control_mode)
+    needs = plan.obs_mode, plan.control_mode, plan.sampling, plan.config
+    return plan.policy, PolicySpec(str(remote), *needs), plan.notes
+
+
 def inspect_policy(policy: Any, task: str | None = None, load_timeout_s: float = LOAD_TIMEOUT_S) -> PolicySpec:
     """Load a policy to see what it declares; the code of a solution file never runs in this process.
 
@@ -243,7 +261,8 @@ def inspect_policy(policy: Any, task: str | None = None, load_timeout_s: float =
     """
     path = solution_path(policy)
     if path is None:
-        return _spec_of(load_policy(policy))
+        with closing(load_policy(policy, task)) as actor:
+            return _spec_of(actor)
     inspect = partial(_inspect, limit_s=load_timeout_s, task=task)
     said = run_jobs(inspect, [str(path)], 1, describe=str, isolated=True, hint=WORKER_HINT)[0]
     return from_mapping(PolicySpec, json.loads(said))

@@ -14,6 +14,7 @@ from artiskill.demos.demonstrator import Demonstrator
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ConfigError, PolicyError, RunError, UnknownNameError, shown
+from artiskill.evaluation.remote import RemoteActor, as_remote, ask_metadata
 from artiskill.evaluation.solution import FileSolution, ObjectSolution, Solution
 from artiskill.experts.registry import Expert, make_expert
 from artiskill.files import is_folder
@@ -36,6 +37,7 @@ class Actor(Protocol):
         control_mode: the control mode that its actions are of; None if it can act in any.
         sampling: of the clouds that it sees; None for the full ones.
         observation_config: values of the task's `cameras` and `render` that it needs; None for the task's.
+        from_chunk: whether the last action was of an earlier answer, so that nobody was asked.
     """
 
     name: str
@@ -43,6 +45,7 @@ class Actor(Protocol):
     control_mode: str | None = None
     sampling: Sampling | None = None
     observation_config: Mapping[str, Any] | None = None
+    from_chunk: bool = False
 
     def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
         """Begin an episode, whose first observation and info these are."""
@@ -129,10 +132,14 @@ class StillActor(Actor):
 
 
 class SolutionActor(Actor):
-    """A participant's function or `Policy` object: sees observation and info only, and answers for its errors."""
+    """A participant's function or `Policy` object: sees observation and info only, and answers for its errors.
+
+    Args:
+        solution: it, which others may call, too.
+    """
 
     def __init__(self, solution: Solution) -> None:
-        self._solution = solution
+        self.solution = solution
         self.name, self.obs_mode, self.control_mode = solution.name, solution.obs_mode, solution.control_mode
         self.sampling, self.observation_config = solution.sampling, solution.observation_config
 
@@ -142,7 +149,7 @@ class SolutionActor(Actor):
         Raises:
             PolicyError: the policy raises.
         """
-        self._solution.reset(observation, info)
+        self.solution.reset(observation, info)
 
     def act(self, env: ManipulationEnv, observation: Any) -> np.ndarray:
         """Return the policy's action, (A,) and finite.
@@ -150,11 +157,11 @@ class SolutionActor(Actor):
         Raises:
             PolicyError: the policy raises or returns no legal action.
         """
-        return self._solution.act(observation, env.action_space.shape or ())
+        return self.solution.act(observation, env.action_space.shape or ())
 
     def close(self) -> None:
         """End the solution's process, if it has one."""
-        self._solution.close()
+        self.solution.close()
 
 
 class TimedActor(Actor):
@@ -218,12 +225,13 @@ def policy_of_task(policy: Any, task: str) -> Any:
 
 
 def load_policy(policy: Any, task: str | None = None) -> Actor:
-    """Return the actor of a name, of a file or folder, or of a function or `Policy` object.
+    """Return the actor of a name, of a file or folder, of a server, or of a function or `Policy` object.
 
     Args:
         policy: one of `POLICY_NAMES` but `pretrained`, the path of a Python file (see docs/evaluation.md), of the
-            folder of a training run or of a file exported from it, a function (observation) -> action, or an
-            object with `obs_mode`, `reset`, `act` and perhaps `control_mode` and `sampling`.
+            folder of a training run or of a file exported from it, the address `ws://host:port` of a server (or a
+            `RemotePolicy`), a function (observation) -> action, or an object with `obs_mode`, `reset`, `act` and
+            perhaps `control_mode` and `sampling`.
         task: name of the task, which a `UserPolicy` of 2021 is told.
 
     Raises:
@@ -231,6 +239,9 @@ def load_policy(policy: Any, task: str | None = None) -> Actor:
         PolicyError: a solution file, run, function or object that cannot be used.
         MissingExtraError: a run without torch.
     """
+    remote = as_remote(policy)
+    if remote is not None:
+        return RemoteActor(remote)
     path = solution_path(policy)
     if path is not None:
         return SolutionActor(FileSolution(path, task))
@@ -247,28 +258,38 @@ def solution_path(policy: Any) -> Path | None:
     Raises:
         UnknownNameError: text that is neither a policy's name nor looks like a Python file or a run's folder.
     """
-    if not isinstance(policy, str | Path) or str(policy) in _ACTORS or is_run(policy):
+    if not _is_path(policy) or is_run(policy):
         return None
     path = Path(policy)
     if path.suffix != ".py" and not os.path.exists(path):
-        hint = "Also legal: the path of a file solution.py, of a training run's folder, or of an exported .npz."
+        hint = (
+            "Also legal: the path of a file solution.py, a training run's folder, an exported .npz, or ws://host."
+        )
         raise UnknownNameError("policy", str(policy), POLICY_NAMES, hint)
     return path
 
 
 def is_run(policy: Any) -> bool:
     """Whether a policy is the folder of a training run, a checkpoint in it, or a file exported from it."""
-    if not isinstance(policy, str | Path) or str(policy) in POLICY_NAMES:
-        return False
-    return is_folder(policy) or Path(policy).suffix in (CHECKPOINT, ARRAYS)
+    is_path = _is_path(policy) and str(policy) != PRETRAINED
+    return is_path and (is_folder(policy) or Path(policy).suffix in (CHECKPOINT, ARRAYS))
+
+
+def _is_path(policy: Any) -> bool:
+    """Whether a policy is text that is neither a server's address nor a policy's name; or `pretrained`."""
+    is_text = isinstance(policy, str | Path) and str(policy) not in _ACTORS
+    return is_text and as_remote(policy) is None
 
 
 def trained_task(policy: Any) -> str | None:
-    """Return the name of the task that a trained policy learned; None for any other policy.
+    """Return the name of the task that a trained policy learned, or a server says; None for any other policy.
 
     Raises:
-        PolicyError: there is no such run or file, or it is damaged.
+        PolicyError: there is no such run, file or server, or it is damaged.
     """
+    remote = as_remote(policy)
+    if remote is not None:
+        return ask_metadata(remote).task
     if not is_run(policy):
         return None
     path = Path(policy)

@@ -4,6 +4,7 @@ import csv
 import hashlib
 import io
 import json
+import math
 import os
 import platform
 import shutil
@@ -23,6 +24,7 @@ from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ConfigError
 from artiskill.evaluation.plan import EvaluationPlan
 from artiskill.evaluation.protocols import Protocol
+from artiskill.evaluation.remote import as_remote
 from artiskill.evaluation.statistics import (
     EpisodeResult,
     EpisodeStatistics,
@@ -30,11 +32,12 @@ from artiskill.evaluation.statistics import (
     object_interval,
     summarize,
 )
-from artiskill.files import check_archive, check_output_folder, lock_folder, output_path
+from artiskill.files import atomic_write, check_archive, check_output_folder, lock_folder, output_path
 from artiskill.jobs.parallel import available_cores
 from artiskill.versions import processor_name, versions
 
 REPORT_JSON, EPISODES_CSV, ACTIONS_FILE = "report.json", "episodes.csv", "actions.npz"
+LATENCY_FILE = "latency.csv"  # only of a policy behind a WebSocket; no part of what is verified
 REPORT_FILES = ("config.yaml", EPISODES_CSV, ACTIONS_FILE, "report.csv", "report.md", REPORT_JSON)
 # what reading an archive may raise: it may end early, be encrypted, or claim shapes beyond all memory
 _DAMAGED = (OSError, KeyError, EOFError, MemoryError, RuntimeError, zipfile.BadZipFile, zlib.error)
@@ -182,8 +185,9 @@ def timing_of(episodes: Sequence[EpisodeResult], seconds: float, workers: int) -
 
 
 def _act_ms(episodes: Sequence[EpisodeResult]) -> dict[str, float] | None:
-    """Return how long a policy takes for an action, in milliseconds; None if it never acted."""
+    """Return how long a policy takes for an answer, in milliseconds; None if it never acted."""
     taken = 1000.0 * np.concatenate([result.act_s for result in episodes])
+    taken = taken[np.isfinite(taken)]
     if not len(taken):
         return None
     low, high = np.quantile(taken, (0.5, 0.95)).tolist()
@@ -287,9 +291,25 @@ def write_report(report: Report, folder: Path | str, is_locked: bool = False) ->
                 for file in REPORT_FILES:
                     (Path(name) / file).write_bytes(files[file])
                 _replace_all(Path(name), folder)
+            _write_latencies(report, folder / LATENCY_FILE)
         except OSError as error:
             raise ConfigError(f"cannot write the report to {str(folder)!r}: {error.strerror or error}") from error
     return folder
+
+
+def _write_latencies(report: Report, path: Path) -> None:
+    """Write one line per answer of a policy behind a WebSocket; other reports have no such file."""
+    if as_remote(report.policy) is None:
+        path.unlink(missing_ok=True)
+        return
+    rows = [
+        {"object": e.object, "target": e.target, "level": e.level, "step": step, "ms": f"{1e3 * seconds:.3f}"}
+        for e in report.episodes
+        for step, seconds in enumerate(e.act_s.tolist())
+        if math.isfinite(seconds)
+    ]
+    with atomic_write(path) as temporary:
+        temporary.write_text(_csv(rows), encoding="utf-8")
 
 
 def report_files(report: Report) -> dict[str, bytes]:

@@ -71,10 +71,15 @@ class Solution:
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
         """Begin an episode.
 
+        Args:
+            observation: the first one.
+            info: with `object`, `level` and `target`; where they are not known, with the number of the `episode`.
+
         Raises:
             PolicyError: `reset` raises.
         """
-        self._where, self._step = f"object {info['object']}, level {info['level']}", 0
+        known = f"object {info['object']}, level {info['level']}" if "object" in info else None
+        self._where, self._step = known or f"episode {info['episode']}", 0
         try:
             self._begin(observation, info)
         except SolutionError as fault:
@@ -126,8 +131,8 @@ class ObjectSolution(Solution):
         super().__init__(name, self._code.declared)
 
     def _begin(self, observation: Any, info: Mapping[str, Any]) -> None:
-        told = {key: info[key] for key in ("object", "level", "target")}
-        self._code.reset(observation, told, info["level"])
+        told = {key: info[key] for key in ("object", "level", "target", "episode") if key in info}
+        self._code.reset(observation, told, info.get("level", info.get("episode", 0)))
 
     def _next(self, observation: Any, size: int) -> np.ndarray:
         return self._code.act(observation, size)

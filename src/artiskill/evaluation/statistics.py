@@ -36,7 +36,7 @@ class EpisodeResult:
         reward_sum: of the dense rewards.
         digest: of the exact state at the end, hexadecimal; empty where a fault ended it.
         actions: (T, A) float64, clipped to [-1, 1]; the one at which the physics ran away is the last.
-        act_s: (T,) seconds that the policy took for each.
+        act_s: (T,) seconds that the policy took for each; NaN where it was of an earlier answer.
     """
 
     object: str
