@@ -67,7 +67,7 @@ test-doors: ## let vla-eval play our tasks, in .venv-doors
 test-ray: VENV = .venv-ray
 test-ray: ## run the tests that need a Ray cluster, of two nodes here, in .venv-ray
 	$(bootstrap) distributed test
-	$(python) -m pytest tests/jobs tests/demos/test_collect_ray.py -m "slow or not slow" -k ray
+	$(python) -m pytest tests/jobs tests/demos/test_collect_ray.py tests/evaluation/test_cluster_ray.py -m "slow or not slow" -k ray
 
 test-gltf: ## let Khronos' validator read every exported glTF; needs Node.js
 	$(bootstrap) test

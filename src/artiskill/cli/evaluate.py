@@ -26,6 +26,8 @@ from artiskill.cli.parser import (
 if TYPE_CHECKING:  # imports that `artiskill --help` must not wait for
     from artiskill.evaluation.plan import EvaluationPlan
     from artiskill.evaluation.report import Report
+    from artiskill.evaluation.statistics import EpisodeResult
+    from artiskill.jobs.ray_jobs import RayCluster
 
 _EPILOG = """examples:
   artiskill evaluate --policy expert --objects test --out results/expert
@@ -33,6 +35,7 @@ _EPILOG = """examples:
   artiskill evaluate --policy random --objects train --set episode_steps=100
   artiskill evaluate --policy runs/chairs --protocol artiskill-1/PushChair/test/joint/pointcloud
   artiskill evaluate --policy ws://localhost:8000 --objects test --workers 4
+  artiskill evaluate --policy runs/chairs --ray auto --out results/chairs
 
 docs/evaluation.md describes solution files and reports."""
 
@@ -140,6 +143,7 @@ def _add_evaluate(commands: Any) -> None:
     add("--control-mode", help="control mode (default: the policy's, else joint)")
     add_set(parser, "change values of the task's configuration")
     add_workers(parser)
+    add("--ray", metavar="ADDRESS", help="work on a Ray cluster: HOST:PORT, auto or local")
     stepping = "time limit for each action (default: none; of a server 60)"
     add("--step-timeout", type=float, metavar="SECONDS", help=stepping)
     loading = "time limit for loading a solution file, or connecting to a server (default: 120)"
@@ -180,10 +184,12 @@ def _run_evaluate(arguments: argparse.Namespace) -> None:
     if arguments.workers != 1 or arguments.policy.endswith(".py"):  # it imports while this process does
         fork_server().prepare(partial(import_module, "artiskill.evaluation.evaluate"))
     from artiskill.errors import ConfigError
+    from artiskill.evaluation.cluster import remove_kept
     from artiskill.evaluation.evaluate import check_plan_workers
     from artiskill.evaluation.recording import check_video
     from artiskill.evaluation.report import check_report_folder, write_report
     from artiskill.files import lock_folder
+    from artiskill.jobs.ray_jobs import RayCluster
 
     if arguments.video is not None:
         check_video(arguments.video, arguments.video_episodes)
@@ -194,6 +200,9 @@ def _run_evaluate(arguments: argparse.Namespace) -> None:
                 f"--out and --video are both {str(arguments.out)!r}, but one is a folder and one a file"
             )
     with _note_earlier_report(arguments.out):
+        cluster = None if arguments.ray is None else RayCluster(arguments.ray, arguments.workers)
+        if cluster is not None:
+            cluster.check()
         plan = _plan(arguments)
         for note in plan.notes:
             print(f"note: {note}", file=sys.stderr)
@@ -201,9 +210,10 @@ def _run_evaluate(arguments: argparse.Namespace) -> None:
         check_plan_workers(plan, workers, arguments.step_timeout)
     with nullcontext() if arguments.out is None else lock_folder(arguments.out):
         with _note_earlier_report(arguments.out):
-            report = _play_episodes(arguments, plan, workers)
+            report = _play_episodes(arguments, plan, workers, cluster)
             if arguments.out is not None:
                 write_report(report, arguments.out, is_locked=True)
+                remove_kept(arguments.out)
                 print(f"report: {arguments.out}/report.md")
         if arguments.video is not None:
             _record(arguments, plan, workers)
@@ -211,10 +221,14 @@ def _run_evaluate(arguments: argparse.Namespace) -> None:
 
 @contextmanager
 def _note_earlier_report(folder: Path | None) -> Iterator[None]:
-    """Print a note if an evaluation fails and its folder holds an earlier report."""
+    """Print a note if an evaluation fails and its folder holds an earlier report, or finished rows of this one."""
+    from artiskill.evaluation.cluster import KEPT, UNFINISHED
+
     try:
         yield
     except BaseException:  # Ctrl-C, too
+        if folder is not None and (folder / UNFINISHED).is_dir():
+            print(f"note: {KEPT}", file=sys.stderr)
         if folder is not None and (folder / "report.json").is_file():
             print(f"note: {folder}/report.json is from an earlier evaluation", file=sys.stderr)
         raise
@@ -264,15 +278,24 @@ def _policy(arguments: argparse.Namespace) -> Any:
     return arguments.policy
 
 
-def _play_episodes(arguments: argparse.Namespace, plan: "EvaluationPlan", workers: int) -> "Report":
+def _play_episodes(
+    arguments: argparse.Namespace, plan: "EvaluationPlan", workers: int, cluster: "RayCluster | None"
+) -> "Report":
     from artiskill.cli.progress import ProgressBar
     from artiskill.cli.table import print_report
+    from artiskill.evaluation.cluster import evaluate_on_cluster
     from artiskill.evaluation.evaluate import run_evaluation
 
+    limit_s = arguments.step_timeout
     with ProgressBar(f"{plan.task.name}, {plan.policy_name}", plan.num_episodes, "episodes") as progress:
-        report = run_evaluation(
-            plan, workers, lambda result: progress.advance(result.success), arguments.step_timeout
-        )
+
+        def on_episode(result: "EpisodeResult") -> None:
+            progress.advance(result.success)
+
+        if cluster is None:
+            report = run_evaluation(plan, workers, on_episode, limit_s)
+        else:
+            report = evaluate_on_cluster(plan, cluster, on_episode, limit_s, arguments.out)
     print_report(report)
     return report
 

@@ -134,7 +134,7 @@ def run_evaluation(
     """
     check_plan_workers(plan, workers, step_timeout_s)
     start = time.perf_counter()
-    results = run_batches(_run_batch, plan, plan.batches, workers, on_episode, step_timeout_s)
+    results = run_batches(run_batch, plan, plan.batches, workers, on_episode, step_timeout_s)
     return make_report(plan, results, seconds=time.perf_counter() - start, workers=workers)
 
 
@@ -271,7 +271,7 @@ def final_digest(state: EnvState) -> str:
     return f"{digest_of(state.simulation):016x}"
 
 
-def _run_batch(job: BatchJob, send: Send) -> list[EpisodeResult]:
+def run_batch(job: BatchJob, send: Send) -> list[EpisodeResult]:
     """Play a batch in a new environment with a new policy, so that no object's episodes depend on another's."""
     env, results = job.batch.make_env(), []
     with closing(job.load_policy(send)) as actor:
