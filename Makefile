@@ -10,7 +10,7 @@ bootstrap = @$(PYTHON) tools/bootstrap.py --venv $(VENV)
 python = $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-dev demo test test-slow test-learn test-viewer test-rl test-lerobot test-doors test-ray test-gltf lint types format bench docs site clean clean-env
+.PHONY: help setup setup-dev demo test test-slow test-learn test-viewer test-rl test-lerobot test-doors test-ray test-openpi test-gltf lint types format bench docs site clean clean-env
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
@@ -69,6 +69,12 @@ test-ray: ## run the tests that need a Ray cluster, of two nodes here, in .venv-
 	$(bootstrap) distributed test
 	$(python) -m pytest tests/jobs tests/demos/test_collect_ray.py tests/evaluation/test_cluster_ray.py -m "slow or not slow" -k ray
 
+test-openpi: ## evaluate with openpi's own client and server, in .venv-openpi, without ArtiSkill
+	$(bootstrap) test
+	$(PYTHON) -m venv --without-pip .venv-openpi
+	$(python) -m pip --python .venv-openpi/bin/python install openpi-client==0.1.2 openpi-server==0.1.0 typing_extensions
+	OPENPI_PYTHON=.venv-openpi/bin/python $(python) -m pytest tests/evaluation/test_openpi.py
+
 test-gltf: ## let Khronos' validator read every exported glTF; needs Node.js
 	$(bootstrap) test
 	npm install --no-audit --no-fund --no-save --prefix $(VENV) gltf-validator@2.0.0-dev.3.10
@@ -106,4 +112,4 @@ clean: ## remove results and caches
 	find src tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
 
 clean-env: ## remove the environments too
-	rm -rf $(VENV) .venv-learn .venv-viewer .venv-rl .venv-lerobot .venv-doors .venv-ray
+	rm -rf $(VENV) .venv-learn .venv-viewer .venv-rl .venv-lerobot .venv-doors .venv-openpi .venv-ray

@@ -127,7 +127,7 @@ def test_a_fault_is_told_to_both_and_ends_one_connection(solution: Callable[[str
         for connection in (well, ill):
             assert unpack(connection.recv())["obs_mode"] == "state"
         ill.send(pack(state))
-        assert unpack(ill.recv())["actions"].tolist() == [0.0] * 13
+        assert unpack(ill.recv())["actions"].tolist() == [[0.0] * 13]
         ill.send(pack(bad))
         said = ill.recv()
         assert isinstance(said, str)

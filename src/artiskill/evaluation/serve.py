@@ -193,7 +193,10 @@ class _Session:
                 action = self._act(message, observation, size)
         else:
             action = self._act(message, observation, size)
-        return wire.pack({"actions": action, "server_timing": {"infer_ms": 1e3 * (time.perf_counter() - begin)}})
+        timing = {"infer_ms": 1e3 * (time.perf_counter() - begin)}
+        return wire.pack(
+            {"actions": action[None], "server_timing": timing}
+        )  # (1, A): a chunk, as openpi's clients slice
 
     def _act(self, message: dict[Any, Any], observation: Any, size: int) -> Any:
         if message.get("reset") or not self._has_begun:
