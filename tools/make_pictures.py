@@ -1,9 +1,10 @@
-"""Make the README's film and the strips of tasks and demonstrations anew: `python tools/make_pictures.py`.
+"""Make the README's film, the strips of tasks and demonstrations, and the replays anew.
 
-They are small: pages should load fast.
+`python tools/make_pictures.py` makes all, `... replays` only those. They are small: pages should load fast.
 """
 
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,17 +13,20 @@ from PIL import Image
 from artiskill.demos.demos import load_demo_pack
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.evaluation.evaluate import run_episode
-from artiskill.evaluation.pictures import save_demos_picture
+from artiskill.evaluation.pictures import EpisodeChoice, save_demos_picture
 from artiskill.evaluation.policies import load_policy
 from artiskill.evaluation.recording import LAST_FRAME_S, EpisodeRecorder, draw_moments
 from artiskill.evaluation.scene_pictures import PictureStyle
 from artiskill.evaluation.video import write_video
+from artiskill.viewer.episode_page import export_episode
+from artiskill.viewer.playback import LiveEpisode
 
 OBJECTS = ("cabinet-0003", "cabinet-0005", "cabinet-0015")
 WIDTH, HEIGHT = 640, 480  # as drawn; smaller in the files
 FILM_SIZE, EVERY, FRAMES_PER_S = (336, 252), 2, 5
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 OUT = IMAGES / "drawers.gif"
+REPLAYS = IMAGES.parent / "replays"
 # task -> an object that it has never trained on, and a level
 STRIPS = {
     "OpenCabinetDrawer": ("cabinet-0005", 1),
@@ -39,11 +43,31 @@ DEMOS = {
 STRIP_FRAMES, STRIP_SIZE = 4, (360, 270)
 
 
-def main() -> None:
-    """The film, then the strips of tasks, then those of demonstrations."""
+def main(arguments: list[str]) -> None:
+    """The film, then the strips of tasks, then those of demonstrations; then the replays."""
+    if arguments != ["replays"]:
+        make_still_and_moving()
+    for task in STRIPS:
+        path = make_replay(task, REPLAYS)
+        print(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
+
+
+def make_replay(task: str, folder: Path) -> Path:
+    """The expert's episode of the strip as a page that needs no server; returns its path."""
+    object_id, level = STRIPS[task]
+    return export_episode(LiveEpisode(EpisodeChoice(task, object_id, level=level)), folder / f"{snake(task)}.html")
+
+
+def snake(task: str) -> str:
+    """A task's name as files have it."""
+    return re.sub("(?<!^)(?=[A-Z])", "_", task).lower()
+
+
+def make_still_and_moving() -> None:
+    """Everything but the replays."""
     make_film()
     for task, (object_id, level) in STRIPS.items():
-        path = IMAGES / f"{re.sub('(?<!^)(?=[A-Z])', '_', task).lower()}.png"
+        path = IMAGES / f"{snake(task)}.png"
         print(f"{path}: {make_strip(path, task, object_id, level)}")
     for name, (task, object_id) in DEMOS.items():
         with load_demo_pack(task).open(object_id) as file:
@@ -87,4 +111,4 @@ def smaller(frame: np.ndarray, size: tuple[int, int]) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

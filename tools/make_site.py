@@ -4,6 +4,7 @@ Takes some minutes the first time; the gallery draws only what has changed.
 """
 
 import argparse
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -21,6 +22,7 @@ def main(arguments: list[str]) -> int:
     pages = ["-W", "--keep-going", "-q", "-b", "html", "-t", "site", "-d", str(site / ".doctrees")]
     run("sphinx", *pages, str(ROOT / "docs"), str(site))
     run("artiskill", "assets", "gallery", "all", "ood", "--out", str(site / "gallery"))
+    shutil.copytree(ROOT / "docs" / "replays", site / "replays", dirs_exist_ok=True)
     (site / "films").mkdir(exist_ok=True)
     for task, (object_id, level) in STRIPS.items():
         episode = ["--task", task, "--object", object_id, "--level", str(level)]

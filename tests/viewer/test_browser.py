@@ -22,8 +22,9 @@ from artiskill.viewer.playback import LiveEpisode
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--use-gl=angle", "--enable-unsafe-swiftshader"]
-WAIT_MS = 120_000  # where several people use the processor
-ORANGE, WHITE = (230, 120, 0), (235, 235, 235)
+SIZE = 480, 260  # of pictures that are compared
+WAIT_MS = 240_000  # where several people use the processor
+ORANGE, WHITE, PINK = (230, 120, 0), (235, 235, 235), (255, 32, 96)
 
 pytestmark = pytest.mark.slow
 
@@ -95,12 +96,12 @@ SCENE = "[...document.querySelectorAll('canvas')].sort((a, b) => b.width * b.hei
 
 
 def drawn(page: Any) -> np.ndarray:
-    """Return what the scene's canvas shows, (H, W, 3)."""
+    """Return what the scene's canvas shows, (H, W, 3); viser draws fewer pixels where that takes long."""
     address = page.evaluate(f"{SCENE}.toDataURL('image/png')")
     if len(address) < 100:  # it has no size yet
         return np.zeros((1, 1, 3), int)
     with Image.open(io.BytesIO(base64.b64decode(address.split(",")[1]))) as image:
-        return np.asarray(image.convert("RGB")).astype(int)
+        return np.asarray(image.convert("RGB").resize(SIZE)).astype(int)
 
 
 def share_of(picture: np.ndarray, colour: tuple[int, int, int], within: int = 45) -> float:
@@ -119,9 +120,9 @@ def until(page: Any, holds: Callable[[np.ndarray], bool]) -> np.ndarray:
     raise AssertionError("it was never drawn")
 
 
-def changed(before: np.ndarray) -> Callable[[np.ndarray], bool]:
+def changed(before: np.ndarray, share: float = 0.003) -> Callable[[np.ndarray], bool]:
     return lambda picture: bool(
-        picture.shape == before.shape and (np.abs(picture - before).max(axis=-1) > 40).mean() > 0.003
+        picture.shape == before.shape and (np.abs(picture - before).max(axis=-1) > 40).mean() > share
     )
 
 
@@ -143,7 +144,7 @@ def test_an_episode_is_drawn_stepped_and_played_to_its_end(view: Any, open_page:
     press(page, "back")
     state_is(page, "step 1 ")
     press(page, "play")
-    state_is(page, "solved")
+    state_is(page, "· solved")
     last = until(page, changed(first))
     press(page, "restart")
     state_is(page, "step 0 ")
@@ -157,6 +158,33 @@ def test_switches_change_what_is_drawn(view: Any, open_page: Any) -> None:
     with_cloud = until(page, changed(before))
     page.get_by_label("surfaces", exact=True).first.click()
     until(page, changed(with_cloud))
+
+
+def test_a_person_drags_a_hand_and_drives(view: Any, open_page: Any) -> None:
+    """With the mouse at the gizmo's pink arrow, and with a key; paused, for the browser draws slowly."""
+    page = open_page(view("--paused", "--object", "cabinet-0002", "--level", "3", "--policy", "still"))
+    until(page, lambda picture: share_of(picture, WHITE) > 0.005)
+    press(page, "by hand")
+    page.get_by_label("drive", exact=True).first.click()
+    before = until(page, lambda picture: share_of(picture, PINK, 70) > 1e-4)
+    rows, columns = np.nonzero(np.abs(before - PINK).max(axis=-1) < 70)
+    tip, middle = rows.argmax(), np.array((columns.mean(), rows.mean()))
+    start = np.array((columns[tip], rows[tip]))
+    end = start + 12 * (start - middle) / np.linalg.norm(start - middle)
+    scale = np.array([page.viewport_size[name] for name in ("width", "height")]) / SIZE
+    page.mouse.move(*(start * scale))
+    page.mouse.down()
+    page.mouse.move(*(end * scale), steps=5)
+    page.mouse.up()
+    dragged = until(page, lambda picture: (picture != before).any())
+    for _ in range(15):
+        press(page, "step")
+    followed = until(page, changed(dragged, 0.0005))
+    page.keyboard.press("i")
+    page.wait_for_timeout(1000)
+    for _ in range(6):
+        press(page, "step")
+    until(page, changed(followed))
 
 
 def test_two_browsers_show_the_same(view: Any, open_page: Any) -> None:

@@ -295,7 +295,8 @@ class EpisodePage:
             self._hand.attach(timeline.hand)
         else:
             self._hand.detach()
-        self.player.play()
+        if self._plays:
+            self.player.play()
         self.show()
 
     def _add_layers(self, gui: Any) -> None:
