@@ -38,8 +38,10 @@ _NARROWED_M = 0.006  # fingers that are so much less than wide open have begun t
 _THIN_M, _EMPTY_M = 0.004, 0.001  # so much less than half of its width, or nothing, is no handle
 _TOUCHING_M, _LOOSE_M = 0.003, 0.012  # beyond its width: what still counts as touching, and then as less and less
 _LEAST_FIRM = 0.2
-_BEFORE_M = 0.07  # nearer to the handle, a hand that is
-_AJAR_M, _NARROW_M = 0.004, 0.008  # narrower than wide by this, then by that more, backs off
+_BEFORE_M = 0.07  # nearer to the handle than this,
+_LEFT_M = 0.09  # and further than this from it, a hand does not mind how wide it is open
+_AJAR_M, _NARROW_M = 0.004, 0.012  # from this much narrower than wide a hand there begins to back off, and fully
+_NEARLY = 1.5  # times as far aside as aligned: near enough for fingers to close, which centre the hand
 
 
 class CabinetPhase(IntEnum):
@@ -320,7 +322,7 @@ class HandAtHandle:
         if self.has_narrowed:
             return False
         is_in = forward < config.grasp_m or (forward < config.blocked_m and abs(self.speed_m_s) < config.still_m_s)
-        near = across < config.aligned_m and along < 3 * config.aligned_m
+        near = across < _NEARLY * config.aligned_m and along < 3 * _NEARLY * config.aligned_m
         return is_in and near and self.turn_rad < (config.aligned_rad + config.astray_rad) / 2
 
     @property
@@ -328,11 +330,11 @@ class HandAtHandle:
         """Share of the standoff that the hand keeps: 0 when it is aligned and open, 1 when it is astray."""
         along, across, forward = self.error_m.tolist()
         config = self.config
-        aside = (math.hypot(along / 3, across) - config.aligned_m) / (config.astray_m - config.aligned_m)
-        turned = (self.turn_rad - config.aligned_rad) / (config.astray_rad - config.aligned_rad)
+        aside = ramp(math.hypot(along / 3, across), config.aligned_m, config.astray_m)
+        turned = ramp(self.turn_rad, config.aligned_rad, config.astray_rad)
         # fingers that are too narrow would run into the handle
-        narrow = (self.wide_m - self.opening_m - _AJAR_M) / _NARROW_M if abs(forward) < _BEFORE_M else 0.0
-        return min(max(aside, turned, narrow, 0.0), 1.0)
+        narrow = ramp(self.wide_m - self.opening_m, _AJAR_M, _NARROW_M) * ramp(abs(forward), _LEFT_M, _BEFORE_M)
+        return max(aside, turned, narrow)
 
 
 def hand_at_handle(
