@@ -23,7 +23,7 @@ from artiskill.tasks.registry import make_task, task_names
         ("MoveBucket", "press.bail_weight", -1),
         ("MoveBucket", "hands.whole_body.rotation_weight_m", 0),
         ("OpenCabinetDrawer", "reach_speed_m_s", 0),
-        ("OpenCabinetDrawer", "overshoot", 2),
+        ("OpenCabinetDrawer", "overshoot", 21),
         ("OpenCabinetDrawer", "grip.close_speed_m_s", 0),
         ("OpenCabinetDrawer", "grip.astray_m", 0.001),
         ("OpenCabinetDoor", "door.follow", 1.5),

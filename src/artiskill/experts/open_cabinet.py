@@ -44,6 +44,7 @@ from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet import CabinetGoal
 
 _OPEN_HANDED = (CabinetPhase.APPROACH, CabinetPhase.RELEASE)
+_MOST_OVERSHOOT = 20.0
 _INTO_LIMIT_M = 0.01  # pulling aims so far beyond where it stops, lest it creeps there
 _INTO_LIMIT_RAD = 0.03
 _HALF_TURN = np.diag((-1.0, -1.0, 1.0))  # of a hand about its own z axis
@@ -64,7 +65,9 @@ class OpenCabinetExpertConfig:
     reach_speed_m_s: float  # of the hand, from the standoff to the handle
     pull_speed_m_s: float  # of the hand, along a slide
     turn_speed_rad_s: float  # of the hand
-    overshoot: float  # how far beyond the open position to go, as a fraction of what is left of the range
+    # how far beyond the open position to go, as a fraction of what is left of the range; beyond 1 the joint is held
+    # at its limit
+    overshoot: float
     stance: StanceConfig  # where the base stands, and from where the hand comes
     grasp: GraspConfig  # which way handles are gripped
     grip: GripConfig  # when the fingers close on them
@@ -74,7 +77,7 @@ class OpenCabinetExpertConfig:
     def __post_init__(self) -> None:
         check_positive(self, "position_gain_s", "rotation_gain_s", "posture_gain_s", "turn_speed_rad_s")
         check_positive(self, "approach_speed_m_s", "reach_speed_m_s", "pull_speed_m_s")
-        check_inside("overshoot", self.overshoot, (0, 1))
+        check_inside("overshoot", self.overshoot, (0, _MOST_OVERSHOOT))
 
 
 @dataclass(frozen=True, eq=False)
