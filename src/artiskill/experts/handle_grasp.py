@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from artiskill.config import check_positive, check_value
+from artiskill.config import check_not_negative, check_positive, check_value
 from artiskill.experts.frames import Frame, axis_rotation, ramp, rotation_error, yaw_rotation
 from artiskill.experts.whole_body import TRUNK
 from artiskill.robots.config import RobotConfig
@@ -31,9 +31,9 @@ _MOST_BEARING_RAD = 1.0
 _SWING = 1  # the arm's joint that swings it sideways, about the vertical, at its rest posture
 _MAX_TILT_SINE = 0.7
 _MOST_TILTED_RAD = 0.3  # a hand that is tilted so far leans no more
-# Costs of a grasp, per radian: the last joint's way from where it would be by the configuration, its way from
-# where it is (so that a hand that has begun to roll goes on), and its distance from the middle of its range.
-_STRANGE, _FAR, _TWISTED = 1.0, 0.5, 0.3
+# Costs of a grasp, per radian of the last joint: its way from where it is (so that a hand that has begun to roll
+# goes on), and its distance from the middle of its range.
+_FAR, _TWISTED = 0.5, 0.3
 _NARROWED_M = 0.006  # fingers that are so much less than wide open have begun to close
 _THIN_M, _EMPTY_M = 0.004, 0.001  # so much less than half of its width, or nothing, is no handle
 _TOUCHING_M, _LOOSE_M = 0.003, 0.012  # beyond its width: what still counts as touching, and then as less and less
@@ -75,18 +75,20 @@ class StanceConfig:
 
 @dataclass(frozen=True)
 class GraspConfig:
-    """The default grasp, all values 0, takes the handle's middle squarely, the hand turned as little as can be."""
+    """The default grasp, all other values 0, takes the handle's middle squarely, the hand turned as it was at rest."""
 
     # place along the handle, -1 to 1: how much of the way from the middle to where the fingers would come too near
     # to an end
     along: float
     roll_rad: float  # of the grasps that the hand can roll to, the one is taken that asks for about this roll
+    roll_weight: float  # cost of a radian from there; of the way from where the hand is, 0.5
     lean_along_rad: float  # the hand leans so far, turned about the handle's length
     lean_across_rad: float  # likewise, turned about the line between the fingers
 
     def __post_init__(self) -> None:
         check_value(self, "along", -1 <= self.along <= 1, "must lie in [-1, 1]")
         check_value(self, "roll_rad", abs(self.roll_rad) <= math.pi, "must lie in [-pi, pi]")
+        check_not_negative(self, "roll_weight")
         for name in ("lean_along_rad", "lean_across_rad"):
             rule = f"must lie in [-{_MOST_LEAN_RAD}, {_MOST_LEAN_RAD}]"
             check_value(self, name, abs(getattr(self, name)) <= _MOST_LEAN_RAD, rule)
@@ -196,7 +198,7 @@ def grasp_pose(
     candidates = rotation @ goal.grasp_rotations[0]
     now = float(snapshot.robot_qpos[0, last_joint])
     tool = snapshot.tool_rotation_w[0, 0]
-    return Frame(position, nearest_roll(candidates, tool, now, rest_rad + config.roll_rad))
+    return Frame(position, nearest_roll(candidates, tool, now, rest_rad + config.roll_rad, config.roll_weight))
 
 
 def leaning(frame: Frame, config: GraspConfig, tilt_rad: float) -> Frame:
@@ -208,7 +210,9 @@ def leaning(frame: Frame, config: GraspConfig, tilt_rad: float) -> Frame:
     return Frame(frame.position, frame.rotation @ lean)
 
 
-def nearest_roll(candidates: np.ndarray, tool: np.ndarray, now_rad: float, wanted_rad: float) -> np.ndarray:
+def nearest_roll(
+    candidates: np.ndarray, tool: np.ndarray, now_rad: float, wanted_rad: float, weight: float = 1.0
+) -> np.ndarray:
     """Return the best of some rotations of the hand, (3, 3), or a part of the way there if that is long.
 
     Args:
@@ -216,6 +220,7 @@ def nearest_roll(candidates: np.ndarray, tool: np.ndarray, now_rad: float, wante
         tool: (3, 3) the hand as it is.
         now_rad: where the joint is that rolls the hand.
         wanted_rad: where it should be.
+        weight: cost of a radian from there.
     """
     best, chosen, turn = math.inf, candidates[0], 0.0
     relative = tool.T @ candidates
@@ -224,7 +229,7 @@ def nearest_roll(candidates: np.ndarray, tool: np.ndarray, now_rad: float, wante
     ):
         for left in (roll, roll - math.copysign(2 * math.pi, roll)):
             end = now_rad + left
-            cost = _STRANGE * abs(end - wanted_rad) + _FAR * abs(left) + _TWISTED * abs(end)
+            cost = weight * abs(end - wanted_rad) + _FAR * abs(left) + _TWISTED * abs(end)
             cost += 100 * max(0.0, abs(end) - _LAST_JOINT_RAD)
             if cost < best:
                 best, chosen, turn = cost, candidates[number], left

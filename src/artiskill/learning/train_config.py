@@ -56,10 +56,11 @@ _MOST_STEPS = 10**9
 _MOST_NAMED = 5  # differences
 _ROLLOUT_SEEDS = "0..199"
 # what experts do otherwise when they teach, by task. How far a joint goes is not seen, so a student that stops
-# where the expert would may stop too early; at its limit the joint stops by itself, a drawer also if pulled on
+# where the expert would may stop too early; at its limit the joint stops by itself, a drawer also if pulled on.
+# And a student that has rolled its hand the wrong way takes the grasp that is nearest then
 _TEACHING: Mapping[str, dict[str, Any]] = {
-    "OpenCabinetDrawer": {"overshoot": 10.0},
-    "OpenCabinetDoor": {"overshoot": 1.0},
+    "OpenCabinetDrawer": {"overshoot": 10.0, "grasp.roll_weight": 0.3},
+    "OpenCabinetDoor": {"overshoot": 1.0, "grasp.roll_weight": 0.3},
 }
 _AT_ORIGIN = ("chair", "bucket")  # whose goal is the world's origin
 
