@@ -96,6 +96,15 @@ def test_a_hand_rolls_to_the_best_of_its_grasps(now: float, wanted: float, turn:
     np.testing.assert_allclose(nearest_roll(candidates, tool, now, wanted), tool @ rolled(turn), atol=2e-3)
 
 
+def test_with_less_weight_the_nearest_grasp_is_taken() -> None:
+    """A round knob: the hand has been rolled far from what is asked for."""
+    candidates = np.stack([rolled(angle) for angle in np.linspace(-np.pi, np.pi, 8, endpoint=False)])
+    far = nearest_roll(candidates, rolled(-0.3), -0.3, 2.3)
+    near = nearest_roll(candidates, rolled(-0.3), -0.3, 2.3, weight=0.3)
+    np.testing.assert_allclose(near, rolled(0.0), atol=1e-9)
+    assert not np.allclose(far, near)
+
+
 def test_a_hand_that_has_begun_to_roll_goes_on() -> None:
     """Between two grasps that are equally far, the first step decides."""
     candidates = np.stack([rolled(0.0), rolled(np.pi)])

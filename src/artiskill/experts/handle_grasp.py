@@ -75,15 +75,15 @@ class StanceConfig:
 
 @dataclass(frozen=True)
 class GraspConfig:
-    """The default grasp, all other values 0, takes the handle's middle squarely, the hand turned as it was at rest."""
+    """The default grasp, all angles 0, takes the handle's middle squarely, the hand turned as it was at rest."""
 
     # place along the handle, -1 to 1: how much of the way from the middle to where the fingers would come too near
     # to an end
     along: float
     roll_rad: float  # of the grasps that the hand can roll to, the one is taken that asks for about this roll
-    roll_weight: float  # cost of a radian from there; of the way from where the hand is, 0.5
     lean_along_rad: float  # the hand leans so far, turned about the handle's length
     lean_across_rad: float  # likewise, turned about the line between the fingers
+    roll_weight: float = 1.0  # cost of a radian by which a grasp is not the roll above; by which it is far, it is 0.5
 
     def __post_init__(self) -> None:
         check_value(self, "along", -1 <= self.along <= 1, "must lie in [-1, 1]")

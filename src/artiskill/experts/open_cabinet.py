@@ -65,8 +65,8 @@ class OpenCabinetExpertConfig:
     reach_speed_m_s: float  # of the hand, from the standoff to the handle
     pull_speed_m_s: float  # of the hand, along a slide
     turn_speed_rad_s: float  # of the hand
-    # how far beyond the open position to go, as a fraction of what is left of the range; beyond 1 the joint is held
-    # at its limit
+    # how far beyond the open position to go, as a fraction of what is left of the range; beyond 1 it is pulled, or
+    # pushed, at its limit
     overshoot: float
     stance: StanceConfig  # where the base stands, and from where the hand comes
     grasp: GraspConfig  # which way handles are gripped
