@@ -14,7 +14,7 @@ TASKS = ("OpenCabinetDoor", "OpenCabinetDrawer", "PushChair", "MoveBucket")
 DRAWER_TASK = "OpenCabinetDrawer"
 A, B = "a", "b"  # one drawer; four tasks
 SPLITS_OF = {A: ("new",), B: ("train", "test")}  # what is measured in a cell
-POINTS = {"small": 256, "small_transformer": 256, "pointnet": 1200, "pointnet_transformer": 1200}
+POINTS = {"small": 128, "small_transformer": 128, "pointnet": 1200, "pointnet_transformer": 1200}
 NEW_LEVEL = 1_000_000  # the first one on objects that were demonstrated, far from the demonstrations' levels
 COLLECT, TRAIN, EVALUATE = STAGES = ("collect", "train", "evaluate")
 

@@ -37,11 +37,11 @@ def test_a_drawer_is_collected_once_and_measured_on_new_levels(settings: Setting
         "--out w/demos/one-drawer --workers 2"
     )
     assert " ".join(set_command(*common)) == (
-        "training-set w/demos/one-drawer --out w/sets/one-drawer-30-256-points --points 256 --frame world "
+        "training-set w/demos/one-drawer --out w/sets/one-drawer-30-128-points --points 128 --frame world "
         "--count 30 --workers 2"
     )
     assert " ".join(train_command(*common)) == (
-        "train bcq --task OpenCabinetDrawer --data w/sets/one-drawer-30-256-points "
+        "train bcq --task OpenCabinetDrawer --data w/sets/one-drawer-30-128-points "
         "--out w/cells/a/small-bcq/30/seed-1/run --network small --steps 20 --seed 1 --batch-size 8 "
         "--dev-objects none --device cpu --precision float32"
     )
