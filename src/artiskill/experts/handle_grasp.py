@@ -34,13 +34,13 @@ _MOST_TILTED_RAD = 0.3  # a hand that is tilted so far leans no more
 # Costs of a grasp, per radian of the last joint: its way from where it is (so that a hand that has begun to roll
 # goes on), and its distance from the middle of its range.
 _FAR, _TWISTED = 0.5, 0.3
-_NARROWED_M = 0.006  # fingers that are so much less than wide open have begun to close
+_NARROWED_M = 0.008  # fingers that are so much less than wide open have begun to close
 _THIN_M, _EMPTY_M = 0.004, 0.001  # so much less than half of its width, or nothing, is no handle
 _TOUCHING_M, _LOOSE_M = 0.003, 0.012  # beyond its width: what still counts as touching, and then as less and less
 _LEAST_FIRM = 0.2
 _BEFORE_M = 0.07  # nearer to the handle than this,
 _LEFT_M = 0.09  # and further than this from it, a hand does not mind how wide it is open
-_AJAR_M, _NARROW_M = 0.004, 0.012  # from this much narrower than wide a hand there begins to back off, and fully
+_AJAR_M, _NARROW_M = 0.008, 0.016  # from this much narrower than wide a hand there begins to back off, and fully
 _NEARLY = 1.5  # times as far aside as aligned: near enough for fingers to close, which centre the hand
 
 
