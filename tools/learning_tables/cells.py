@@ -39,6 +39,13 @@ METHODS = (
 )
 
 
+_RATE = "algorithm.learning_rate=3.0e-4"
+PAPER_VALUES = {  # of the paper's networks, where ours are others
+    Method("pointnet", "bc"): (_RATE,),
+    Method("pointnet_transformer", "bc"): (_RATE, "algorithm.weight_decay=5.0e-6"),
+}
+
+
 @dataclass(frozen=True)
 class Settings:
     """What all cells of one work folder have in common.
@@ -203,8 +210,8 @@ def train_command(cell: Cell, settings: Settings, place: Place, resources: Resou
     command += ["--device", resources.device, "--precision", resources.precision]
     if resources.threads is not None:
         command += ["--threads", str(resources.threads)]
-    if (network, algorithm) == ("pointnet_transformer", "bc"):
-        command += ["--set", "algorithm.weight_decay=5.0e-6"]  # as in the paper
+    if network.startswith("pointnet"):
+        command += ["--set", "schedule=constant", *PAPER_VALUES.get(cell.method, ())]
     return command
 
 

@@ -26,7 +26,7 @@ _EPILOG = """examples:
   artiskill train dagger --task OpenCabinetDrawer --out runs/drawer-dagger
   torchrun --nproc-per-node 2 -m artiskill train bc ...     # with several GPUs
 
-The same command goes on where a run was stopped; with more --steps it goes on beyond its end.
+The same command goes on where a run was stopped; with schedule=constant and more --steps beyond its end.
 docs/training_runs.md describes data, runs and values."""
 _ALGORITHMS = "bc, bcq or td3bc, from demonstrations; dagger, from an expert that says what to do"
 

@@ -83,7 +83,9 @@ class GraspConfig:
     roll_rad: float  # of the grasps that the hand can roll to, the one is taken that asks for about this roll
     lean_along_rad: float  # the hand leans so far, turned about the handle's length
     lean_across_rad: float  # likewise, turned about the line between the fingers
-    roll_weight: float = 1.0  # cost of a radian by which a grasp is not the roll above; by which it is far, it is 0.5
+    roll_weight: float = (
+        1.0  # cost of a radian by which a grasp is not the roll above; by which it is far, it is 0.5
+    )
 
     def __post_init__(self) -> None:
         check_value(self, "along", -1 <= self.along <= 1, "must lie in [-1, 1]")

@@ -58,7 +58,8 @@ def test_a_task_is_trained_on_training_objects_and_measured_on_both(settings: Se
     assert collect_command(*common)[4:8] == ["--objects", "chair-0004", "--per-object", "3"]
     assert set_command(*common)[3:6] == ["w/sets/PushChair-1200-points", "--points", "1200"]
     assert "--count" not in set_command(*common)
-    assert train_command(*common)[-2:] == ["--set", "algorithm.weight_decay=5.0e-6"]
+    values = ["schedule=constant", "algorithm.learning_rate=3.0e-4", "algorithm.weight_decay=5.0e-6"]
+    assert train_command(*common)[-4:] == ["--set", *values]
     train, test = (evaluate_command(cell, split, settings, place, RESOURCES) for split in ("train", "test"))
     assert train[5:11] == ["--objects", "chair-0004", "--episodes", "2", "--first-level", "1000000"]
     assert test[5:9] == ["--objects", "test", "--episodes", "4"]
