@@ -90,7 +90,7 @@ def test_what_may_change_when_a_run_goes_on(tmp_path: Path) -> None:
     config = tiny_config()
     config.check_continues(tiny_config(steps=30), tmp_path)
     with pytest.raises(
-        RunError, match=r"of other values \(seed 0 there, 1 here; algorithm.learning_rate 0.0003 there"
+        RunError, match=r"of other values \(seed 0 there, 1 here; algorithm.learning_rate 0.001 there"
     ):
         config.check_continues(tiny_config(seed=1, algorithm__learning_rate=1.0), tmp_path)
     with pytest.raises(RunError, match="steps 20 there, 10 here"):

@@ -34,6 +34,7 @@ TINY: dict[str, Any] = {
     "network.head": [8],
     "batch_size": 4,
     "steps": 20,
+    "schedule": "constant",  # so that more steps go on
     "log_every": 5,
     "checkpoint_every": 10,
     "development.objects": [],
