@@ -1,6 +1,7 @@
 # ruff: noqa: E402
 """A run as a policy: what evaluation makes of it, in this process and in others."""
 
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +73,23 @@ def test_a_run_knows_its_task(run: Path, tmp_path: Path) -> None:
     assert trained_task("expert") is None
     with pytest.raises(PolicyError, match="of no training run"):
         trained_task(tmp_path)
+
+
+def test_a_served_run_acts_as_here(run: Path) -> None:
+    """Of two connections at once, in a process whose torch would use several threads."""
+    pytest.importorskip("msgpack")
+    from artiskill.evaluation.serve import PolicyServer
+
+    torch.set_num_threads(2)
+    try:
+        with PolicyServer(str(run), 0, on_event=str) as server:
+            thread = threading.Thread(target=server.run)
+            thread.start()
+            remote = evaluate(TASK, server.url, OBJECTS, 2, config=SHORT, workers=2)
+        thread.join()
+    finally:
+        torch.set_num_threads(1)
+    assert comparable(remote) == comparable(evaluate(TASK, run, OBJECTS, 2, config=SHORT))
 
 
 def test_the_number_of_workers_changes_nothing(run: Path) -> None:
