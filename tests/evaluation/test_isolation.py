@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -141,7 +142,8 @@ def test_a_hang_at_import_may_come_later(solution: Callable[[str], Path], monkey
     """The first look at a solution is no promise."""
     monkeypatch.setattr(worker_module, "_GRACE_S", 0.2)
     path = solution("def policy(observation):\n    return [0.0] * 13\n")
-    plan = plan_evaluation(TASK, path, OBJECTS[:1], 1, config=SHORT, load_timeout_s=0.5)
+    plan = plan_evaluation(TASK, path, OBJECTS[:1], 1, config=SHORT)
+    plan = replace(plan, load_timeout_s=0.5)
     path.write_text("while True:\n    pass\n")
     with pytest.raises(PolicyError, match=r"not loaded within 0\.5 s$"):
         record_video(plan, path.with_suffix(".gif"))
@@ -160,7 +162,7 @@ def test_processes_of_a_policy_end_with_it(solution: Callable[[str], Path]) -> N
         "with open(pathlib.Path(__file__).with_name('pids'), 'a') as file:\n    print(child.pid, file=file)\n"
         "def policy(observation):\n    return [0.0] * 13\n"
     )
-    evaluate(TASK, path, OBJECTS[:2], 1, config=SHORT, workers=2)
+    evaluate(TASK, path, OBJECTS[:2], 1, config=SHORT, workers=2, sandbox="none")
     pids = path.with_name("pids").read_text().split()
     assert len(pids) == 3, "one for the first look, one for each object"
     end = time.perf_counter() + 10

@@ -144,8 +144,9 @@ def _add_evaluate(commands: Any) -> None:
     add_set(parser, "change values of the task's configuration")
     add_workers(parser)
     add("--ray", metavar="ADDRESS", help="work on a Ray cluster: HOST:PORT, auto or local")
-    stepping = "time limit for each action (default: none; of a server 60)"
+    stepping = "time limit for each action (default: none; of a solution file or a server 60)"
     add("--step-timeout", type=float, metavar="SECONDS", help=stepping)
+    _add_sandbox(parser)
     loading = "time limit for loading a solution file, or connecting to a server (default: 120)"
     add("--load-timeout", type=float, default=120.0, metavar="SECONDS", help=loading)
     server = parser.add_argument_group("a policy at ws://host:port; by default what its server says").add_argument
@@ -156,6 +157,17 @@ def _add_evaluate(commands: Any) -> None:
     add("--video", type=Path, metavar="FILE", help="record episodes as .gif, .webp or .mp4")
     recorded = "number of objects to record, an episode each (default: 3)"
     add("--video-episodes", type=int, default=3, help=recorded)
+
+
+def _add_sandbox(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("confinement of a solution file")
+    kinds = "bubblewrap, landlock, limits or none (default: the first of them that holds here)"
+    group.add_argument("--sandbox", metavar="NAME", help=kinds)
+    acting = "time limit for all its actions in an episode (default: 1800)"
+    group.add_argument("--episode-timeout", type=float, default=1800.0, metavar="SECONDS", help=acting)
+    group.add_argument("--memory", type=float, default=8.0, metavar="GB", help="that it may use (default: 8)")
+    reading = "files and folders that it may read besides its own folder and its interpreter's"
+    group.add_argument("--readable", nargs="+", default=[], metavar="PATH", help=reading)
 
 
 def _add_task(parser: argparse.ArgumentParser) -> None:
@@ -239,6 +251,7 @@ def _plan(arguments: argparse.Namespace) -> "EvaluationPlan":
     from artiskill.evaluation.plan import plan_evaluation
     from artiskill.evaluation.policies import trained_task
     from artiskill.evaluation.protocols import standard_protocol
+    from artiskill.evaluation.sandbox import SandboxConfig
 
     asked = {name: getattr(arguments, name) for name in _OF_PROTOCOL}
     given = {name: value for name, value in asked.items() if value not in (None, [])}
@@ -256,6 +269,13 @@ def _plan(arguments: argparse.Namespace) -> "EvaluationPlan":
         load_timeout_s=arguments.load_timeout,
         salt=arguments.fresh_levels,
         track=arguments.track,
+        sandbox=SandboxConfig(
+            arguments.sandbox,
+            arguments.memory,
+            episode_timeout_s=arguments.episode_timeout,
+            readable=tuple(arguments.readable),
+            hidden=() if arguments.out is None else (str(arguments.out),),
+        ),
         **given,
     )
     if not plan.protocol.id.startswith(arguments.protocol or ""):

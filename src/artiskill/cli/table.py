@@ -62,6 +62,8 @@ def print_report(report: "Report") -> None:
     )
     track = f", track {report.track}" if report.track else ""
     console.print(f"protocol {escape(report.protocol.id)}{track}", soft_wrap=True)
+    if report.confinement is not None:
+        console.print(report.confinement.text, soft_wrap=True)
 
 
 def print_comparison(first: "StoredReport", second: "StoredReport", found: "Comparison") -> None:

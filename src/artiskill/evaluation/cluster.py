@@ -70,7 +70,10 @@ def evaluate_on_cluster(
     check_plan_workers(plan, cluster.most_jobs or 2, step_timeout_s)
     is_named = isinstance(plan.policy, str)  # else it is somebody else's server, whatever that may answer
     policy_files = pack_policy(plan.policy) if is_named else None
-    jobs = [NodeJob(BatchJob(batch, plan.load_timeout_s, step_timeout_s), policy_files) for batch in plan.batches]
+    jobs = [
+        NodeJob(BatchJob(batch, plan.load_timeout_s, step_timeout_s, plan.sandbox), policy_files)
+        for batch in plan.batches
+    ]
     kept = KeptRows(folder, _key_of(plan, policy_files)) if folder is not None and is_named else None
     rows = _Rows(jobs, kept, on_episode or (lambda episode: None))
     if rows.waiting:

@@ -32,6 +32,7 @@ from artiskill.evaluation.policies import (
 )
 from artiskill.evaluation.remote import RemoteActor, RemotePolicy
 from artiskill.evaluation.report import Report, make_report
+from artiskill.evaluation.sandbox import SandboxConfig
 from artiskill.evaluation.statistics import EpisodeResult
 from artiskill.jobs.fork_server import fork_server
 from artiskill.jobs.parallel import check_workers, run_jobs
@@ -67,6 +68,7 @@ def evaluate(
     load_timeout_s: float = LOAD_TIMEOUT_S,
     salt: str | None = None,
     track: str | None = None,
+    sandbox: SandboxConfig | str | None = None,
 ) -> Report:
     """Play the levels `first_level` to `first_level + episodes - 1` on every object and count.
 
@@ -89,15 +91,19 @@ def evaluate(
         workers: processes; a function or an object is evaluated in this one.
         on_episode: called after every episode, in no fixed order if there are several workers.
         step_timeout_s: the time in which each action, and each `reset` of the policy, must come; None for any, but
-            60 s of a server. The policy then never runs in this process, so that it must be given by name or path.
+            60 s of a solution file or a server. The policy then never runs in this process, so that it must be
+            given by name or path.
         load_timeout_s: the time in which a solution file must have been run and its policy constructed, or a
             server must answer.
         salt: play `episodes` fresh levels instead, hashes of this text, see `protocols.fresh_levels`.
         track: one of `protocols.TRACKS`, what the policy was made from, for the report.
+        sandbox: one of `sandbox.SANDBOXES`, or a `SandboxConfig`: how the processes of a solution file are
+            confined; by default by the best kind that holds here.
 
     Raises:
-        UnknownNameError: an unknown task, object, split, target link, mode, policy or track.
-        ConfigError: an illegal number, or an unknown or illegal configuration value.
+        UnknownNameError: an unknown task, object, split, target link, mode, policy, track or sandbox.
+        ConfigError: an illegal number, an unknown or illegal configuration value, or a sandbox that does not hold
+            here.
         AssetError: an object that cannot be used, or that differs from the catalogue's of that id.
         PolicyError: a policy that cannot be loaded or reached, raises, returns no legal action, takes too long, or
             ends its process.
@@ -115,6 +121,7 @@ def evaluate(
         load_timeout_s,
         salt,
         track,
+        sandbox,
     )
     return run_evaluation(plan, workers, on_episode, step_timeout_s)
 
@@ -161,7 +168,7 @@ def run_batches(
         if is_run(plan.policy):  # torch takes seconds to import
             fork_server().prepare(partial(import_module, "artiskill.learning.policy"))
     load_timeout_s = plan.load_timeout_s if isolated else None
-    jobs = [BatchJob(batch, load_timeout_s, step_timeout_s) for batch in batches]
+    jobs = [BatchJob(batch, load_timeout_s, step_timeout_s, plan.sandbox) for batch in batches]
     return run_jobs(
         function, jobs, workers, on_message, lambda job: job.batch.label, isolated=isolated, hint=WORKER_HINT
     )
@@ -186,11 +193,13 @@ class BatchJob:
         batch: of episodes.
         load_timeout_s: for the policy.
         step_timeout_s: for each action.
+        sandbox: for a solution file, whose time it limits.
     """
 
     batch: EpisodeBatch
     load_timeout_s: float | None
     step_timeout_s: float | None
+    sandbox: SandboxConfig | None = None
 
     def load_policy(self, send: Send) -> Actor:
         """Load the policy, within its time limit."""
@@ -199,8 +208,13 @@ class BatchJob:
             return RemoteActor(replace(self.batch.policy, step_timeout_s=limit_s))
         if self.load_timeout_s is None:
             return load_policy(self.batch.policy, self.batch.task)
-        actor = load_within(self.batch.policy, self.load_timeout_s, send, self.batch.task)
-        return actor if self.step_timeout_s is None else TimedActor(actor, self.step_timeout_s, send)
+        sandbox = self.sandbox
+        if sandbox is not None and self.step_timeout_s is not None:
+            sandbox = replace(sandbox, step_timeout_s=self.step_timeout_s)
+        actor = load_within(self.batch.policy, self.load_timeout_s, send, self.batch.task, sandbox)
+        if self.step_timeout_s is None or sandbox is not None:  # which keeps its time itself
+            return actor
+        return TimedActor(actor, self.step_timeout_s, send)
 
 
 def run_episode(

@@ -35,6 +35,7 @@ from artiskill.evaluation.protocols import (
     protocol_digest,
 )
 from artiskill.evaluation.remote import RemotePolicy, as_remote, plan_remote
+from artiskill.evaluation.sandbox import Confinement, SandboxConfig
 from artiskill.jobs.parallel import run_jobs
 from artiskill.jobs.worker import Send
 from artiskill.tasks.levels import check_level
@@ -118,6 +119,8 @@ class EvaluationPlan:
         track: what the policy was made from, as its author says.
         load_timeout_s: the time in which a solution file must be loaded.
         notes: what is done otherwise than the policy's server says.
+        sandbox: how the processes of a solution file are confined; None for other policies.
+        confinement: what was found to hold of the first of them; the others find out for themselves.
     """
 
     task: Task
@@ -132,6 +135,8 @@ class EvaluationPlan:
     track: str | None = None
     load_timeout_s: float = LOAD_TIMEOUT_S
     notes: tuple[str, ...] = ()
+    sandbox: SandboxConfig | None = None
+    confinement: Confinement | None = None
 
     @property
     def num_episodes(self) -> int:
@@ -167,6 +172,7 @@ def plan_evaluation(
     load_timeout_s: float = LOAD_TIMEOUT_S,
     salt: str | None = None,
     track: str | None = None,
+    sandbox: SandboxConfig | str | None = None,
 ) -> EvaluationPlan:
     """Check everything before the first episode; the arguments are those of `evaluate`.
 
@@ -185,7 +191,8 @@ def plan_evaluation(
     check_time_limit(load_timeout_s, "for loading a policy")
     name = PRETRAINED if policy == PRETRAINED else None
     policy = policy_of_task(policy, task)
-    policy, actor, notes = _inspect_any(policy, task, obs_mode, control_mode, load_timeout_s)
+    wanted = sandbox if isinstance(sandbox, SandboxConfig) else SandboxConfig(sandbox)
+    policy, actor, notes = _inspect_any(policy, task, obs_mode, control_mode, load_timeout_s, wanted)
     overrides = merge_overrides(actor.observation_config or {}, config or {})
     resolved = make_task(task, overrides)
     modes = (
@@ -201,8 +208,12 @@ def plan_evaluation(
         batch.make_env()
     batches, protocol = name_batches(resolved, batches, salt)
     track = checked_track(track, isinstance(policy, str) and policy in PRIVILEGED_POLICIES, modes[0])
-    called = name or actor.name, policy, policy_digest(policy)
-    return EvaluationPlan(resolved, *called, *modes, batches, protocol, salt, track, load_timeout_s, notes)
+    called, held = (name or actor.name, policy, policy_digest(policy)), actor.confinement
+    return EvaluationPlan(
+        *(resolved, *called, *modes, batches, protocol, salt, track, load_timeout_s, notes),
+        sandbox=None if held is None else replace(wanted, kind=held.sandbox),
+        confinement=held,
+    )
 
 
 def name_batches(
@@ -237,46 +248,58 @@ class PolicySpec:
     control_mode: str | None
     sampling: Sampling | None = None
     observation_config: dict[str, Any] | None = None
+    confinement: Confinement | None = None
 
 
 def _inspect_any(
-    policy: Any, task: str, obs_mode: str | None, control_mode: str | None, load_timeout_s: float
+    policy: Any,
+    task: str,
+    obs_mode: str | None,
+    control_mode: str | None,
+    load_timeout_s: float,
+    sandbox: SandboxConfig,
 ) -> tuple[Any, PolicySpec, tuple[str, ...]]:
     """Return a policy as batches hold it, what it needs, and what is done otherwise than its server says."""
     remote = as_remote(policy)
     if remote is None:
-        found = inspect_policy(policy, task, load_timeout_s)
+        found = inspect_policy(policy, task, load_timeout_s, sandbox)
         return policy if callable(policy) or hasattr(policy, "act") else str(policy), found, ()
     plan = plan_remote(replace(remote, connect_timeout_s=load_timeout_s), obs_mode, control_mode)
     needs = plan.obs_mode, plan.control_mode, plan.sampling, plan.config
     return plan.policy, PolicySpec(str(remote), *needs), plan.notes
 
 
-def inspect_policy(policy: Any, task: str | None = None, load_timeout_s: float = LOAD_TIMEOUT_S) -> PolicySpec:
+def inspect_policy(
+    policy: Any,
+    task: str | None = None,
+    load_timeout_s: float = LOAD_TIMEOUT_S,
+    sandbox: SandboxConfig | None = None,
+) -> PolicySpec:
     """Load a policy to see what it declares; the code of a solution file never runs in this process.
 
     Raises:
         UnknownNameError: text that is neither a policy's name nor looks like a Python file.
         PolicyError: it cannot be loaded in time, or not at all, or declares what is not legal.
+        ConfigError: the confinement that was asked for does not hold here.
     """
     path = solution_path(policy)
     if path is None:
         with closing(load_policy(policy, task)) as actor:
             return _spec_of(actor)
-    inspect = partial(_inspect, limit_s=load_timeout_s, task=task)
+    inspect = partial(_inspect, limit_s=load_timeout_s, task=task, sandbox=sandbox)
     said = run_jobs(inspect, [str(path)], 1, describe=str, isolated=True, hint=WORKER_HINT)[0]
     return from_mapping(PolicySpec, json.loads(said))
 
 
-def _inspect(path: str, send: Send, limit_s: float, task: str | None) -> str:
+def _inspect(path: str, send: Send, limit_s: float, task: str | None, sandbox: SandboxConfig | None) -> str:
     """Return what a solution file declares as plain text, which any process can read."""
-    with closing(load_within(path, limit_s, send, task)) as actor:
+    with closing(load_within(path, limit_s, send, task, sandbox)) as actor:
         return json.dumps(to_mapping(_spec_of(actor)))
 
 
 def _spec_of(actor: Actor) -> PolicySpec:
     asked = None if actor.observation_config is None else dict(actor.observation_config)
-    return PolicySpec(actor.name, actor.obs_mode, actor.control_mode, actor.sampling, asked)
+    return PolicySpec(actor.name, actor.obs_mode, actor.control_mode, actor.sampling, asked, actor.confinement)
 
 
 def _mode(kind: str, asked: str | None, actor: PolicySpec) -> str | None:

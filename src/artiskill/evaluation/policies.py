@@ -15,6 +15,7 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ConfigError, PolicyError, RunError, UnknownNameError, shown
 from artiskill.evaluation.remote import RemoteActor, as_remote, ask_metadata
+from artiskill.evaluation.sandbox import Confinement, SandboxConfig
 from artiskill.evaluation.solution import FileSolution, ObjectSolution, Solution
 from artiskill.experts.registry import Expert, make_expert
 from artiskill.files import is_folder
@@ -38,6 +39,7 @@ class Actor(Protocol):
         sampling: of the clouds that it sees; None for the full ones.
         observation_config: values of the task's `cameras` and `render` that it needs; None for the task's.
         from_chunk: whether the last action was of an earlier answer, so that nobody was asked.
+        confinement: of its process; None if it has none of its own.
     """
 
     name: str
@@ -46,6 +48,7 @@ class Actor(Protocol):
     sampling: Sampling | None = None
     observation_config: Mapping[str, Any] | None = None
     from_chunk: bool = False
+    confinement: Confinement | None = None
 
     def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
         """Begin an episode, whose first observation and info these are."""
@@ -142,6 +145,7 @@ class SolutionActor(Actor):
         self.solution = solution
         self.name, self.obs_mode, self.control_mode = solution.name, solution.obs_mode, solution.control_mode
         self.sampling, self.observation_config = solution.sampling, solution.observation_config
+        self.confinement = solution.confinement
 
     def reset(self, env: ManipulationEnv, observation: Any, info: dict[str, Any]) -> None:
         """Begin an episode.
@@ -224,7 +228,7 @@ def policy_of_task(policy: Any, task: str) -> Any:
     return str(pretrained_file(task)) if policy == PRETRAINED else policy
 
 
-def load_policy(policy: Any, task: str | None = None) -> Actor:
+def load_policy(policy: Any, task: str | None = None, sandbox: SandboxConfig | None = None) -> Actor:
     """Return the actor of a name, of a file or folder, of a server, or of a function or `Policy` object.
 
     Args:
@@ -233,6 +237,7 @@ def load_policy(policy: Any, task: str | None = None) -> Actor:
             `RemotePolicy`), a function (observation) -> action, or an object with `obs_mode`, `reset`, `act` and
             perhaps `control_mode` and `sampling`.
         task: name of the task, which a `UserPolicy` of 2021 is told.
+        sandbox: how the process of a solution file is confined; by default as well as can be.
 
     Raises:
         UnknownNameError: text that is neither a policy's name nor looks like a Python file or a run's folder.
@@ -244,7 +249,7 @@ def load_policy(policy: Any, task: str | None = None) -> Actor:
         return RemoteActor(remote)
     path = solution_path(policy)
     if path is not None:
-        return SolutionActor(FileSolution(path, task))
+        return SolutionActor(FileSolution(path, task, sandbox))
     if is_run(policy):
         path = Path(policy)
         learned = ArrayPolicy(path) if path.suffix == ARRAYS else load_run(path)
@@ -310,7 +315,9 @@ def policy_digest(policy: Any) -> str | None:
     return None if path is None else hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def load_within(policy: Any, limit_s: float, send: Send, task: str | None = None) -> Actor:
+def load_within(
+    policy: Any, limit_s: float, send: Send, task: str | None = None, sandbox: SandboxConfig | None = None
+) -> Actor:
     """Load a policy in a process of its own, which is ended if it takes too long.
 
     Python's and NumPy's global generators start from the same numbers, whatever the process did before.
@@ -320,14 +327,15 @@ def load_within(policy: Any, limit_s: float, send: Send, task: str | None = None
         limit_s: in seconds.
         send: of a job that has a process of its own, see `run_jobs`.
         task: as `load_policy` takes it.
+        sandbox: likewise.
 
     Raises:
-        UnknownNameError, PolicyError: as of `load_policy`.
+        UnknownNameError, PolicyError, ConfigError: as of `load_policy`.
     """
     send(Deadline(f"{policy}: not loaded within {limit_s:g} s", limit_s))
     random.seed(0)
     np.random.seed(0)  # noqa: NPY002 - for solutions that draw from it
-    actor = load_policy(policy, task)
+    actor = load_policy(policy, task, sandbox)
     send(NO_DEADLINE)
     return actor
 

@@ -25,6 +25,7 @@ from artiskill.envs.options import OBSERVATION_MODES
 from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ArtiSkillError, MissingExtraError, PolicyError, check_name
 from artiskill.evaluation import wire
+from artiskill.evaluation.sandbox import Confinement
 from artiskill.evaluation.wire import ObservationWriter, ServerMetadata, WireError
 from artiskill.tasks.registry import SEEN_SECTIONS
 
@@ -201,6 +202,7 @@ class RemoteActor:
     def __init__(self, policy: RemotePolicy) -> None:
         self.name, self._policy = str(policy), policy
         self._where, self._step, self._first, self.from_chunk = "", 0, True, False
+        self.confinement: Confinement | None = None  # who knows what it runs in
         self._chunk: list[np.ndarray] = []
         self._prompt = ""
         self._writer: ObservationWriter | None = None

@@ -25,6 +25,7 @@ from artiskill.errors import ConfigError
 from artiskill.evaluation.plan import EvaluationPlan
 from artiskill.evaluation.protocols import Protocol
 from artiskill.evaluation.remote import as_remote
+from artiskill.evaluation.sandbox import Confinement
 from artiskill.evaluation.statistics import (
     EpisodeResult,
     EpisodeStatistics,
@@ -83,6 +84,7 @@ class Report:
         obs_mode: of its observations.
         control_mode: of its actions.
         sampling: of the clouds that it saw; None for the full ones, and in other modes.
+        confinement: of a solution file's process; None for other policies.
         levels: first and last; None for fresh ones.
         salt: of fresh levels; else None.
         total: over all episodes.
@@ -102,6 +104,7 @@ class Report:
     obs_mode: str
     control_mode: str
     sampling: Sampling | None
+    confinement: Confinement | None
     levels: tuple[int, int] | None
     salt: str | None
     total: EpisodeStatistics
@@ -129,6 +132,7 @@ class Report:
             "obs_mode": self.obs_mode,
             "control_mode": self.control_mode,
             "sampling": to_mapping(self.sampling),
+            "confinement": to_mapping(self.confinement),
             "levels": to_mapping(self.levels),
             "salt": self.salt,
             **to_mapping(self.total),
@@ -164,6 +168,7 @@ def make_report(
         obs_mode=plan.obs_mode,
         control_mode=plan.control_mode,
         sampling=plan.batches[0].sampling,
+        confinement=plan.confinement,
         levels=(levels[0], levels[-1]) if plan.salt is None else None,
         salt=plan.salt,
         total=summarize(episodes),
@@ -412,10 +417,11 @@ def report_markdown(report: Report) -> str:
     over = report.interval_over_objects
     spread = f"\n\nOver objects: {over[0]:.1%} to {over[1]:.1%} (95 %, bootstrap)." if over else ""
     faults = f"\n\n{report.total.faults_text}" if report.total.faults else ""
+    confined = f"\n\n{report.confinement.text}." if report.confinement else ""
     return (
         f"# {report.task}: {report.policy}\n\n{played}\n\n"
         + "\n".join(lines)
-        + f"{spread}{faults}\n\nMade with {used}.\n"
+        + f"{spread}{faults}{confined}\n\nMade with {used}.\n"
     )
 
 

@@ -306,7 +306,7 @@ def _policy(stored: ReportFolder) -> str:
         machine = timing.machine
         said = f"{machine.processor or 'unknown'}, {machine.cores} cores, {machine.system}"
         found.append(("Machine", text(said)))
-    sections = [name for name in _CONFINEMENT if name in stored.mapping]
+    sections = [name for name in _CONFINEMENT if stored.mapping.get(name) is not None]
     found += [(name.capitalize(), plain(stored.mapping[name])) for name in sections]
     found.append(("Versions", text(", ".join(f"{name} {number}" for name, number in report.versions.items()))))
     return facts(found)

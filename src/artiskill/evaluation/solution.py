@@ -6,12 +6,13 @@ its own, see `solution_process`, and what comes from there is checked as what a 
 """
 
 import json
+import math
 import os
 import select
 import signal
 import socket
 import subprocess
-import sys
+import time
 import weakref
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -25,8 +26,15 @@ from artiskill.config import from_mapping, to_mapping
 from artiskill.envs.control import CONTROL_MODES, JOINT
 from artiskill.envs.options import OBSERVATION_MODES
 from artiskill.envs.wrappers import Sampling
-from artiskill.errors import ArtiSkillError, PolicyError, UnknownNameError, shown
+from artiskill.errors import ArtiSkillError, ConfigError, PolicyError, UnknownNameError, shown
 from artiskill.evaluation import solution_process as wire
+from artiskill.evaluation.sandbox import (
+    Confinement,
+    SandboxConfig,
+    SandboxedProcess,
+    SandboxError,
+    check_confinement,
+)
 from artiskill.evaluation.solution_process import SolutionCode, SolutionError
 from artiskill.files import open_regular, parse_json
 from artiskill.tasks.registry import SEEN_SECTIONS
@@ -36,7 +44,6 @@ _MOST_SAID, _MOST_TEXT = 100_000, 500  # bytes of a frame that is not an action;
 _ENDING_S = 1.0  # for a process whose socket is closed
 _MOST_LINES = 10_000_000
 _BROKEN = "its process does not keep to the protocol"
-_PROGRAM = Path(wire.__file__)
 
 
 class Solution:
@@ -51,10 +58,13 @@ class Solution:
         control_mode: the control mode that its actions are of; None if they may be of any.
         sampling: of the clouds that it sees; None for the full ones.
         observation_config: values of the task's `cameras` and `render` that it needs; None for the task's.
+        confinement: of its process, as was found out there; None if it has none of its own.
 
     Raises:
         PolicyError: its `obs_mode` or `control_mode` is unknown, or what it asks of observations illegal.
     """
+
+    confinement: Confinement | None = None
 
     def __init__(self, name: str, declared: Mapping[str, Any] | None) -> None:
         self.name = name
@@ -144,13 +154,15 @@ class FileSolution(Solution):
     Args:
         path: of the file.
         task: name of the task, which a `UserPolicy` of 2021 is told.
+        sandbox: how the process is confined.
 
     Raises:
         PolicyError: the file is missing, does not import, has neither or both of the legal forms, or its `Policy`
             cannot be constructed, lacks something, or declares what is not legal.
+        ConfigError: the kind of confinement that was asked for does not hold here.
     """
 
-    def __init__(self, path: Path, task: str | None = None) -> None:
+    def __init__(self, path: Path, task: str | None = None, sandbox: SandboxConfig | None = None) -> None:
         name = str(path)
         try:
             with open_regular(path) as file:
@@ -159,13 +171,14 @@ class FileSolution(Solution):
             raise PolicyError(f"solution file {name!r} does not exist") from error
         except OSError as error:
             raise PolicyError(f"solution file {shown(name)} cannot be read: {error.strerror}") from error
-        self._process = _Process()
+        self._limits = sandbox = sandbox or SandboxConfig()
+        self._process, self.confinement = _open_process(path, sandbox)
         self._end = weakref.finalize(self, self._process.end)
         self._layout: list[Any] = [[], 0]  # of observations, and the size of an action
-        job = {"file": name, "path": sys.path, "user_policy": _user_policy(task) if is_user_policy else None}
+        self._rest_s = math.inf  # of the episode's time
+        job = {"file": os.path.realpath(path), "user_policy": _user_policy(task) if is_user_policy else None}
         try:
-            said = self._process.ask(wire.START, _json(job), wire.DECLARED, _MOST_SAID)
-            declared = _declaration(said)
+            declared = _declaration(self._process.ask(wire.START, _json(job), wire.DECLARED, _MOST_SAID))
         except SolutionError as fault:
             raise policy_error(name, fault) from fault.__cause__
         super().__init__(name, declared)
@@ -175,44 +188,78 @@ class FileSolution(Solution):
         self._end()
 
     def _begin(self, observation: Any, info: Mapping[str, Any]) -> None:
+        self._rest_s = self._limits.episode_timeout_s
         arrays = list(_arrays_in(observation))
         layout = [[keys, array.dtype.str, list(array.shape)] for keys, array in arrays]
         self._tell(layout, self._layout[1])
-        self._process.ask(wire.RESET, _packed(arrays), wire.DONE, 0)
+        self._timed(wire.RESET, _packed(arrays), wire.DONE, 0, "reset() has not ended")
 
     def _next(self, observation: Any, size: int) -> np.ndarray:
         self._tell(self._layout[0], size)
         wanted = size * np.dtype(np.float64).itemsize
-        said = self._process.ask(wire.ACT, _packed(_arrays_in(observation)), wire.ACTION, wanted)
+        said = self._timed(wire.ACT, _packed(_arrays_in(observation)), wire.ACTION, wanted, "no action")
         action = np.frombuffer(said, np.float64) if len(said) == wanted else np.array([np.nan])
         if not np.isfinite(action).all():
             raise SolutionError(f"{_BROKEN}: an action of {len(said)} bytes, {wanted} of finite numbers are legal")
         return action
 
+    def _timed(self, kind: bytes, body: bytes, answer: bytes, most_bytes: int, late: str) -> bytes:
+        """Send a frame and return the content of the answer, which must come in time."""
+        step_s, start_s = self._limits.step_timeout_s, time.monotonic()
+        try:
+            return self._process.ask(kind, body, answer, most_bytes, min(step_s, self._rest_s))
+        except TimeoutError:
+            if step_s <= self._rest_s:
+                raise SolutionError(f"{late} within {step_s:g} s") from None
+            episode_s = self._limits.episode_timeout_s
+            raise SolutionError(f"its actions took more than {episode_s:g} s in this episode") from None
+        finally:
+            self._rest_s = max(0.0, self._rest_s - (time.monotonic() - start_s))
+
     def _tell(self, layout: list[Any], size: int) -> None:
         """Say where arrays are in an observation, and how many numbers an action has, if that is news."""
         if [layout, size] != self._layout:
             self._layout = [layout, size]
-            self._process.ask(wire.LAYOUT, _json(self._layout), wire.DONE, 0)
+            self._timed(wire.LAYOUT, _json(self._layout), wire.DONE, 0, "no answer")
+
+
+def _open_process(path: Path, sandbox: SandboxConfig) -> tuple["_Process", Confinement]:
+    """Start a solution's process under the best kind of confinement that holds; its code has not been run.
+
+    Raises:
+        ConfigError: none of those that were asked for holds.
+    """
+    passed_over: dict[str, str] = {}
+    for kind in sandbox.kinds:
+        process = None
+        try:
+            process = _Process(SandboxedProcess(path, kind, sandbox))
+            said = process.ask(wire.CONFINE, b"", wire.CONFINED, _MOST_SAID)
+            process.settled()
+            return process, check_confinement(kind, sandbox, said, passed_over)
+        except SandboxError as error:
+            passed_over[kind] = str(error)
+        except SolutionError as error:
+            passed_over[kind] = process.last_words() or error.text if process is not None else error.text
+        if process is not None:
+            process.end()
+    kind, why = list(passed_over.items())[-1]
+    raise ConfigError(f"sandbox {kind!r} does not hold here: {why}; leave the choice out for the best that does")
 
 
 class _Process:
-    """The process of `solution_process`; what it sends is read with care, and never unpickled."""
+    """The evaluator's end of a solution's process; what it sends is read with care, and never unpickled."""
 
-    def __init__(self) -> None:
-        self._channel, theirs = socket.socketpair()
-        flags = subprocess._args_from_interpreter_flags()  # type: ignore[attr-defined]
-        with theirs:
-            self._process = subprocess.Popen(
-                [sys.executable, *flags, "-P", str(_PROGRAM), str(theirs.fileno())],
-                env={"PYTHONHASHSEED": "0"} | os.environ,  # so that sets of texts have one order in every run
-                stdin=subprocess.DEVNULL,
-                pass_fds=(theirs.fileno(),),
-            )
+    def __init__(self, sandboxed: SandboxedProcess) -> None:
+        self._sandboxed, self._channel, self._process = sandboxed, sandboxed.channel, sandboxed.process
+        self.end, self.settled, self.last_words = sandboxed.end, sandboxed.settled, sandboxed.last_words
         self._poll = select.poll()
         self._poll.register(self._channel, select.POLLIN | select.POLLOUT)
+        self._readable = select.poll()
+        self._readable.register(self._channel, select.POLLIN)
+        self._end_s = math.inf
 
-    def ask(self, kind: bytes, body: bytes, answer: bytes, most_bytes: int) -> bytes:
+    def ask(self, kind: bytes, body: bytes, answer: bytes, most_bytes: int, limit_s: float = math.inf) -> bytes:
         """Send a frame and return the content of the answer.
 
         Args:
@@ -220,10 +267,13 @@ class _Process:
             body: its content.
             answer: the kind of frame that must come back.
             most_bytes: that it may have.
+            limit_s: in which it must have come.
 
         Raises:
+            TimeoutError: it has not; nothing more can be asked.
             SolutionError: the policy reports a fault, the process has ended, or it does not keep to the protocol.
         """
+        self._end_s = time.monotonic() + limit_s
         try:
             self._send(wire.HEADER.pack(kind, len(body)) + body)
             return self._receive(answer, most_bytes)
@@ -234,9 +284,17 @@ class _Process:
         """Send a frame to a process that must listen now: one that talks instead would have both wait forever."""
         rest = memoryview(frame)
         while rest:
-            if self._poll.poll()[0][1] & ~select.POLLOUT:
+            if self._wait(self._poll) & ~select.POLLOUT:
                 self._check_silent()
             rest = rest[self._channel.send(rest, socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL) :]
+
+    def _wait(self, poll: select.poll) -> int:
+        """Wait for the socket, but not beyond the time limit, and return what has become of it."""
+        rest_s = self._end_s - time.monotonic()
+        events = poll.poll(None if rest_s == math.inf else max(0.0, rest_s * 1000.0))
+        if not events:
+            raise TimeoutError
+        return events[0][1]
 
     def _check_silent(self) -> None:
         said = self._channel.recv(wire.HEADER.size, socket.MSG_PEEK | socket.MSG_DONTWAIT)
@@ -260,6 +318,7 @@ class _Process:
     def _read(self, found: bytes, count: int) -> bytes:
         """Return at least so many bytes, of which some may have come already."""
         while len(found) < count:
+            self._wait(self._readable)
             part = self._channel.recv(_MOST_SAID)
             if not part:
                 raise SolutionError(self._how_it_ended())
@@ -269,17 +328,11 @@ class _Process:
     def _how_it_ended(self) -> str:
         """Return the exit status or signal of a process that closed its end."""
         try:
-            code = self._process.wait(_ENDING_S)
+            code = self._sandboxed.exit_code(_ENDING_S)
         except subprocess.TimeoutExpired:
             return f"{_BROKEN}: it closed its socket"
         how = f"exit status {code}" if code >= 0 else f"killed by signal {-code}, {signal.strsignal(-code)}"
         return f"its process ended ({how}): the policy ended it, or memory ran out"
-
-    def end(self) -> None:
-        """End the process; later calls do nothing."""
-        self._channel.close()
-        self._process.kill()
-        self._process.wait()
 
 
 def policy_error(name: str, fault: SolutionError, where: str = "") -> PolicyError:

@@ -1,8 +1,8 @@
 """What calls a solution's code, and the program of the process in which a solution file runs.
 
-The program needs Python and NumPy and nothing of this package. It is given the number of a socket, is sent the
-file's path, then observations, and answers each with an action. It is told neither object nor target nor level,
-and seeds Python's and NumPy's global generators from the episode's number, which it counts itself.
+The program needs Python and NumPy and nothing of this package. `sandbox_process` starts it, with a socket; it is
+sent the file's path, then observations, and answers each with an action. It is told neither object nor target nor
+level, and seeds Python's and NumPy's global generators from the episode's number, which it counts itself.
 
 A frame, in either direction, is a letter, the number of the bytes that follow (four, in the machine's order), and
 these bytes. Every frame of the evaluator is answered by exactly one.
@@ -26,10 +26,10 @@ from typing import Any
 import numpy as np
 
 HEADER = struct.Struct("=cI")
-# of the evaluator: file and module path; where arrays are in an observation; a first observation, and a later one
-START, LAYOUT, RESET, ACT = b"S", b"L", b"R", b"A"
-# of the policy: what it declares; all done; an action, float64; what went wrong
-DECLARED, DONE, ACTION, FAULT = b"d", b"o", b"a", b"f"
+# of the evaluator: what confines you; file; where arrays are in an observation; the first one, and a later one
+CONFINE, START, LAYOUT, RESET, ACT = b"C", b"S", b"L", b"R", b"A"
+# of the policy: what confines it; what it declares; all done; an action, float64; what went wrong
+CONFINED, DECLARED, DONE, ACTION, FAULT = b"c", b"d", b"o", b"a", b"f"
 ALIGNMENT = 8  # of the arrays in an observation, bytes
 LEGAL_FORMS = (
     "a solution has either a function policy(observation) -> action "
@@ -225,16 +225,16 @@ def _import_file(file: str) -> ModuleType:
 # -- the process --------------------------------------------------------------------------------------------------
 
 
-def main(handle: int) -> None:
+def main(handle: int, confined: bytes) -> None:
     """Load a solution file and let it act, until the evaluator leaves.
 
     Args:
         handle: of a socket.
+        confined: how this process is confined, as the evaluator is told.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the evaluator's business
     channel = socket.socket(fileno=handle)
     try:
-        _serve(channel)
+        _serve(channel, confined)
     except SolutionError as fault:
         lines = traceback.format_exception(fault.__cause__ or fault)
         said = {"text": fault.text, "line": fault.line, "traceback": "".join(lines)[-_MOST_TRACEBACK:]}
@@ -244,11 +244,12 @@ def main(handle: int) -> None:
         pass
 
 
-def _serve(channel: socket.socket) -> None:
+def _serve(channel: socket.socket, confined: bytes) -> None:
     os.set_inheritable(channel.fileno(), False)
+    _receive(channel)
+    _send(channel, CONFINED, confined)
     _, body = _receive(channel)
     job = json.loads(body)
-    sys.path[:] = job["path"]
     random.seed(0)
     np.random.seed(0)  # noqa: NPY002 - for solutions that draw from it
     code = load_solution(job["file"], job["user_policy"])
@@ -310,7 +311,3 @@ def _exactly(channel: socket.socket, count: int) -> bytearray:
 
 def _send(channel: socket.socket, kind: bytes, body: bytes) -> None:
     channel.sendall(HEADER.pack(kind, len(body)) + body)
-
-
-if __name__ == "__main__":
-    main(int(sys.argv[1]))

@@ -35,6 +35,7 @@ from artiskill.evaluation.report import (
     timing_of,
     unpack_actions,
 )
+from artiskill.evaluation.sandbox import Confinement, SandboxConfig
 from artiskill.evaluation.statistics import (
     Comparison,
     EpisodeResult,
@@ -113,6 +114,7 @@ class StoredReport(EpisodeStatistics):
     obs_mode: str
     control_mode: str
     sampling: Sampling | None
+    confinement: Confinement | None
     levels: tuple[int, int] | None
     salt: str | None
     interval_over_objects: Interval | None
@@ -298,7 +300,8 @@ def plan_again(report: StoredReport, objects: Sequence[str | ArticulatedObject] 
         batches.append(EpisodeBatch(*parts, checked_hash(item), report.sampling))
     named, protocol = name_batches(task, tuple(batches), report.salt)
     policy = report.policy, report.policy, report.policy_sha256
-    return EvaluationPlan(task, *policy, *modes, named, protocol, report.salt, report.track)
+    held = report.confinement
+    return EvaluationPlan(task, *policy, *modes, named, protocol, report.salt, report.track, confinement=held)
 
 
 def _play_again(
@@ -410,7 +413,9 @@ def verify_policy(
     )
     rows = np.sort(generator.permutation(len(plan.batches))[:count]).tolist()
     batches = tuple(replace(plan.batches[row], policy=policy) for row in rows)
-    played = run_evaluation(replace(plan, policy=policy, batches=batches), workers).episodes
+    sandbox = None if spec.confinement is None else SandboxConfig(spec.confinement.sandbox)
+    plan = replace(plan, policy=policy, batches=batches, sandbox=sandbox)
+    played = run_evaluation(plan, workers).episodes
     expected = [actions[row * per_row + k] for row in rows for k in range(per_row)]
     faults = [_acts_otherwise(result, wanted) for result, wanted in zip(played, expected, strict=True)]
     return VerifyResult(len(played), sum(result.length for result in played), tuple(filter(None, faults)))
