@@ -70,7 +70,7 @@ class Policy:
 
 SAME = ""  # it acts as if it were innocent
 BROKEN = "its process does not keep to the protocol: "
-LATE = r"no action within 2 s"
+LATE, LONG = r"no action within 2 s", r"its actions took more than 2\.5 s"
 ENDED = "its process ended "
 
 
@@ -82,6 +82,12 @@ class Attack:
     says: str = SAME
     kinds: tuple[str, ...] = SANDBOXES
     takes_long: bool = False
+
+    @property
+    def times(self) -> dict[str, float]:
+        """Limits that it is meant to exceed, and long ones: machines may be busy."""
+        own = self.says == LONG
+        return {"step_timeout_s": 2.0 if LATE in self.says else 60.0, "episode_timeout_s": 2.5 if own else 120.0}
 
     @property
     def may_act(self) -> bool:
@@ -187,9 +193,7 @@ ATTACKS = {
         LATE,
         takes_long=True,
     ),
-    "slow in every step": Attack(
-        "sin = np.sin\nnp.sin = lambda x: (time.sleep(0.9), sin(x))[1]", r"its actions took more than 2\.5 s"
-    ),
+    "slow in every step": Attack("sin = np.sin\nnp.sin = lambda x: (time.sleep(0.9), sin(x))[1]", LONG),
     "memory": Attack("held = np.ones(10**9)", r"act\(\) raised \w*MemoryError", LIMITED),
     "memory by threads": Attack(
         "def grow(held):\n    while True:\n        held.append(bytearray(10**8))\n"
@@ -368,9 +372,8 @@ class World:
     solution: Path
     report: Path
 
-    def sandbox(self, kind: str | None) -> SandboxConfig:
-        hidden = (str(self.report.parent),)
-        return SandboxConfig(kind, memory_gb=2.0, step_timeout_s=2.0, episode_timeout_s=2.5, hidden=hidden)
+    def sandbox(self, kind: str | None, attack: Attack) -> SandboxConfig:
+        return SandboxConfig(kind, memory_gb=2.0, hidden=(str(self.report.parent),), **attack.times)
 
     def write(self, code: str) -> None:
         self.solution.write_text(SOLUTION.replace("CODE", code.replace("\n", "\n        ")))
@@ -406,10 +409,10 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
         yield World(tmp_path, solution, report)
 
 
-def act(world: World, kind: str | None) -> None:
+def act(world: World, kind: str | None, attack: Attack) -> None:
     """Have the solution act in two episodes, and compare with what an innocent one does."""
     rng = np.random.default_rng(3)
-    found = FileSolution(world.solution, sandbox=world.sandbox(kind))
+    found = FileSolution(world.solution, sandbox=world.sandbox(kind, attack))
     try:
         for _ in range(2):
             observations = rng.normal(size=(4, 40)).astype(np.float32)
@@ -445,7 +448,7 @@ def try_attack(world: World, name: str, kind: str | None) -> None:
     world.write(attack.code)
     before = world.content()
     try:
-        act(world, kind)
+        act(world, kind, attack)
         assert attack.may_act, f"it acts as if it were innocent, but should have failed with: {attack.says}"
     except ArtiSkillError as error:
         check_complaint(error, attack, f"object {OBJECT}, level {LEVEL}")
@@ -485,11 +488,14 @@ def test_attacks_under_every_kind_with_limits(world: World, name: str, kind: str
 # -- whole evaluations --------------------------------------------------------------------------------------------
 
 
-def evaluated(world: World, kind: str) -> dict[str, Any]:
+def evaluated(world: World, kind: str, attack: Attack) -> dict[str, Any]:
     """Return the report of an evaluation, but for what names the file, and for time."""
     settings = {"first_level": LEVEL, "config": {"episode_steps": 3}}
-    report = evaluate("OpenCabinetDrawer", world.solution, OBJECT, 2, **settings, sandbox=world.sandbox(kind))
-    found = report.to_mapping() | {"episodes": [repr(episode) for episode in report.episodes]}
+    report = evaluate(
+        "OpenCabinetDrawer", world.solution, OBJECT, 2, **settings, sandbox=world.sandbox(kind, attack)
+    )
+    played = [(one.level, one.reward_sum, one.digest, one.actions.tobytes()) for one in report.episodes]
+    found = report.to_mapping() | {"played": played}
     return {key: value for key, value in found.items() if key not in ("timing", "sha256", "policy_sha256")}
 
 
@@ -500,11 +506,11 @@ def test_reports_after_attacks(world: World, name: str, kind: str) -> None:
         pytest.skip(why)
     attack = ATTACKS[name]
     world.write("pass")
-    innocent = evaluated(world, kind)
+    innocent = evaluated(world, kind, attack)
     world.write(attack.code)
     before = world.content()
     try:
-        assert evaluated(world, kind) == innocent
+        assert evaluated(world, kind, attack) == innocent
         assert attack.may_act
     except ArtiSkillError as error:
         check_complaint(error, attack, f"object {OBJECT}, level {LEVEL}")
