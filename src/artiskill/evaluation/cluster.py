@@ -68,6 +68,7 @@ def evaluate_on_cluster(
     """
     start = time.perf_counter()
     check_plan_workers(plan, cluster.most_jobs or 2, step_timeout_s)
+    plan = plan.within(step_timeout_s)
     is_named = isinstance(plan.policy, str)  # else it is somebody else's server, whatever that may answer
     policy_files = pack_policy(plan.policy) if is_named else None
     jobs = [

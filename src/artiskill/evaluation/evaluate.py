@@ -140,7 +140,7 @@ def run_evaluation(
         PolicyError: the policy raises, returns no legal action, takes too long, or ends its process.
     """
     check_plan_workers(plan, workers, step_timeout_s)
-    start = time.perf_counter()
+    plan, start = plan.within(step_timeout_s), time.perf_counter()
     results = run_batches(run_batch, plan, plan.batches, workers, on_episode, step_timeout_s)
     return make_report(plan, results, seconds=time.perf_counter() - start, workers=workers)
 
@@ -168,7 +168,8 @@ def run_batches(
         if is_run(plan.policy):  # torch takes seconds to import
             fork_server().prepare(partial(import_module, "artiskill.learning.policy"))
     load_timeout_s = plan.load_timeout_s if isolated else None
-    jobs = [BatchJob(batch, load_timeout_s, step_timeout_s, plan.sandbox) for batch in batches]
+    sandbox = plan.within(step_timeout_s).sandbox
+    jobs = [BatchJob(batch, load_timeout_s, step_timeout_s, sandbox) for batch in batches]
     return run_jobs(
         function, jobs, workers, on_message, lambda job: job.batch.label, isolated=isolated, hint=WORKER_HINT
     )
@@ -208,11 +209,8 @@ class BatchJob:
             return RemoteActor(replace(self.batch.policy, step_timeout_s=limit_s))
         if self.load_timeout_s is None:
             return load_policy(self.batch.policy, self.batch.task)
-        sandbox = self.sandbox
-        if sandbox is not None and self.step_timeout_s is not None:
-            sandbox = replace(sandbox, step_timeout_s=self.step_timeout_s)
-        actor = load_within(self.batch.policy, self.load_timeout_s, send, self.batch.task, sandbox)
-        if self.step_timeout_s is None or sandbox is not None:  # which keeps its time itself
+        actor = load_within(self.batch.policy, self.load_timeout_s, send, self.batch.task, self.sandbox)
+        if self.step_timeout_s is None or self.sandbox is not None:  # which keeps its time itself
             return actor
         return TimedActor(actor, self.step_timeout_s, send)
 

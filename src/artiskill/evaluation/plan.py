@@ -138,6 +138,13 @@ class EvaluationPlan:
     sandbox: SandboxConfig | None = None
     confinement: Confinement | None = None
 
+    def within(self, step_timeout_s: float | None) -> "EvaluationPlan":
+        """Return the same with another time for each action of a solution file; None leaves it as it is."""
+        if step_timeout_s is None or self.sandbox is None or self.confinement is None:
+            return self
+        sandbox = replace(self.sandbox, step_timeout_s=step_timeout_s)
+        return replace(self, sandbox=sandbox, confinement=self.confinement.within(step_timeout_s))
+
     @property
     def num_episodes(self) -> int:
         """Episodes in all."""

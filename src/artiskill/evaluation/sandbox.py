@@ -16,7 +16,7 @@ import tempfile
 import threading
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import IO, Any
@@ -108,6 +108,10 @@ class Confinement:
     limits: dict[str, float]
     readable: tuple[str, ...]
     passed_over: dict[str, str]
+
+    def within(self, step_timeout_s: float) -> "Confinement":
+        """Return the same with another time for each action."""
+        return replace(self, limits=self.limits | {"step_timeout_s": float(step_timeout_s)})
 
     @property
     def text(self) -> str:
