@@ -212,6 +212,16 @@ def test_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         PolicyServer("pretrained", task="PushChair")
 
 
+@contextmanager
+def running(command: list[str]) -> Iterator[subprocess.Popen[str]]:
+    made = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        yield made
+    finally:
+        made.kill()
+        made.communicate()
+
+
 THINKS = """
 import numpy as np, os, pathlib, time
 pathlib.Path(__file__).with_name(f"pid-{os.getpid()}").touch()
@@ -224,20 +234,19 @@ def test_ctrl_c_ends_everything(solution: Callable[[str], Path], tmp_path: Path)
     """With a client that waits for a policy that thinks forever."""
     path = solution(THINKS)
     command = [sys.executable, "-m", "artiskill", "serve", str(path), "--port", "0"]
-    made = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert made.stdout is not None
-    line = made.stdout.readline()
-    assert line.startswith(f"serving {path} at ws://127.0.0.1:"), line
-    assert line.endswith("; Ctrl-C ends\n")
-    with connect(line.split()[3].rstrip(";")) as client:
-        client.recv()
-        state = {"observation/state": np.zeros(38), "observation/environment_state": np.zeros(37)}
-        client.send(pack(state))
-        time.sleep(0.5)
-        made.send_signal(signal.SIGINT)
-        with pytest.raises(ConnectionClosedOK, match=r"1001 .* the server ends"):
-            client.recv(timeout=20)
-    out, err = made.communicate(timeout=20)
+    with running(command) as made:
+        assert made.stdout is not None
+        line = made.stdout.readline()
+        assert line.startswith(f"serving {path} at ws://127.0.0.1:"), line
+        assert line.endswith("; Ctrl-C ends\n")
+        with connect(line.split()[3].rstrip(";")) as client:
+            client.recv()
+            client.send(pack({"observation/state": np.zeros(38), "observation/environment_state": np.zeros(37)}))
+            time.sleep(0.5)
+            made.send_signal(signal.SIGINT)
+            with pytest.raises(ConnectionClosedOK, match=r"1001 .* the server ends"):
+                client.recv(timeout=20)
+        out, err = made.communicate(timeout=20)
     assert made.returncode == 130
     assert err == ""
     assert "Traceback" not in out
