@@ -21,7 +21,7 @@ setup: ## install ArtiSkill and what the demo needs
 setup-dev: ## install everything for working on ArtiSkill
 	$(bootstrap) dev test
 
-demo: ## open drawers of unseen cabinets; report and moving picture in results/demo
+demo: ## open drawers and doors of unseen cabinets; reports, films and pages in results/demo
 	$(bootstrap)
 	$(VENV)/bin/artiskill demo
 

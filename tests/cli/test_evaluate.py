@@ -102,3 +102,26 @@ def test_a_policy_with_other_cameras_plays_no_standard_protocol(tmp_path: Path, 
     name = "artiskill-1/OpenCabinetDrawer/test/joint/pointcloud"
     assert main(["evaluate", "--policy", str(path), "--protocol", name]) == 2
     assert f"asks for other cameras or another picture quality than {name} has" in capsys.readouterr().err
+
+
+def test_pages_and_leaderboards_are_written(reports: dict[str, Path], tmp_path: Path, capsys: Capture) -> None:
+    """Of fresh levels, too; what is forged makes no page, and is not ranked."""
+    mine, forged = tmp_path / "mine", tmp_path / "forged"
+    for folder in (mine, forged):
+        folder.mkdir()
+        for path in reports["random"].iterdir():
+            (folder / path.name).write_bytes(path.read_bytes())
+    command = ["report", "page", str(mine), "--workers", "1", "--films", "1", "--verify"]
+    assert main(command) == 0
+    assert f"page: {mine}/page.html\n" in capsys.readouterr().out
+    page = (mine / "page.html").read_text()
+    assert "fresh, salt tomorrow" in page
+    assert "all 4 episodes (16 steps) were played again" in page
+    text = (forged / "episodes.csv").read_text()
+    (forged / "episodes.csv").write_text(text[:-3] + ("1" if text[-3] != "1" else "2") + text[-2:])
+    assert main(["report", "page", str(forged), "--workers", "1", "--verify"]) == 2
+    assert "is not what it says: episodes.csv: line 5" in capsys.readouterr().err
+    assert main(["report", "leaderboard", str(tmp_path), "--workers", "1", "--verify"]) == 0
+    assert f"not ranked: {forged}: episodes.csv: line 5" in capsys.readouterr().out
+    assert '<a href="./mine/page.html">' in (tmp_path / "leaderboard.html").read_text()
+    assert main(["report", "leaderboard", str(tmp_path / "nothing")]) == 2

@@ -22,6 +22,7 @@ from artiskill.files import lock_folder
 
 Capture = pytest.CaptureFixture[str]
 SMALL = ["--objects", "cabinet-0005", "--episodes", "1", "--workers", "1"]
+CABINET_TASKS = ("OpenCabinetDrawer", "OpenCabinetDoor")
 COMMAND = [sys.executable, "-m", "artiskill"]
 # What `--help` has no time for.
 HEAVY = ("scipy", "numba", "rich", "PIL", "torch", "artiskill.envs.manipulation", "artiskill.evaluation.evaluate")
@@ -40,30 +41,39 @@ def test_evaluate_writes_shows_and_films(tmp_path: Path, capsys: Capture) -> Non
     assert film.stat().st_size > 1000
 
 
-def test_the_demo_is_an_evaluation(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
-    evaluated: list[argparse.Namespace] = []
-    monkeypatch.setattr("artiskill.cli.evaluate._run_evaluate", evaluated.append)
+def test_the_demo_is_the_commands_that_it_prints(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    ran: list[argparse.Namespace] = []
+    for name in ("_run_evaluate", "_run_page"):
+        monkeypatch.setattr(f"artiskill.cli.evaluate.{name}", ran.append)
     assert main(["demo", "--out", "some/where", "--workers", "1"]) == 0
-    command = capsys.readouterr().out.split()
-    assert command[:3] == ["artiskill", "evaluate", "--task"]
-    assert main(command[1:]) == 0
-    first, second = (vars(one) | {"parser": None} for one in evaluated)
+    printed = capsys.readouterr().out
+    commands = [line.split()[1:] for line in printed.splitlines() if line.startswith("artiskill ")]
+    assert [one[:3] for one in commands[::2]] == [["evaluate", "--task", task] for task in CABINET_TASKS]
+    for task, page in zip(CABINET_TASKS, commands[1::2], strict=True):
+        assert page[:3] == ["report", "page", f"some/where/{task}"]
+        assert f"some/where/{task}/page.html" in printed
+    for command in commands:
+        assert main(command) == 0
+    first, second = ([vars(one) | {"parser": None, "run": None} for one in half] for half in (ran[:4], ran[4:]))
     assert first == second
-    assert (first["policy"], first["objects"], first["episodes"]) == ("expert", ["test"], 2)
-    assert first["video"] == Path("some/where/episode.gif")
+    assert (first[0]["policy"], first[0]["video"].name) == ("pretrained", "episode.gif")
+    assert all("test" not in one["objects"] for one in first), "measured once, and later"
 
 
 @pytest.mark.slow
-def test_the_demo_opens_drawers_without_any_extra(tmp_path: Path) -> None:
+def test_the_demo_opens_cabinets_without_any_extra(tmp_path: Path) -> None:
     extras = "imageio", "imageio_ffmpeg", "matplotlib", "h5py", "trimesh", "pygame"
     code = (
         f"import sys; sys.modules.update(dict.fromkeys({extras}))\n"
         "from artiskill.cli.main import main; sys.exit(main())"
     )
     subprocess.run([sys.executable, "-c", code, "demo"], cwd=tmp_path, check=True)
-    report = json.loads((tmp_path / "results" / "demo" / "report.json").read_text())
-    assert (report["episodes"], report["success_rate"] > 0.8) == (20, True)
-    assert (tmp_path / "results" / "demo" / "episode.gif").stat().st_size > 100_000
+    for task in CABINET_TASKS:
+        folder = tmp_path / "results" / "demo" / task
+        report = json.loads((folder / "report.json").read_text())
+        assert (report["episodes"] >= 6, report["success_rate"] > 0.8) == (True, True)
+        assert (folder / "episode.gif").stat().st_size > 100_000
+        assert 100_000 < (folder / "page.html").stat().st_size < 10_000_000
 
 
 def test_objects(capsys: Capture) -> None:

@@ -63,23 +63,22 @@ EXIT_FAULTS = 1
 _OF_SERVER = ("points", "frame", "replan_steps")
 # options that a protocol decides
 _OF_PROTOCOL = ("task", "objects", "target", "episodes", "first_level", "obs_mode", "control_mode", "set")
-_DEMO_EPILOG = """The demo is this command, with 2 episodes on each test object:
-  artiskill evaluate --task OpenCabinetDrawer --policy expert --objects test --episodes 2 \\
-      --out results/demo --video results/demo/episode.gif"""
+_DEMO_TASKS = ("OpenCabinetDrawer", "OpenCabinetDoor")
+_DEMO_OBJECTS = "generated:3000000..3000006"  # that no policy has met; or "test", the benchmark's own
+_DEMO_EPISODES, _DEMO_FILMED = 2, 1  # per object; objects
+_DEMO_EPILOG = f"""The demo prints its commands. For each task they are these, --out with the task's name:
+  artiskill evaluate --task TASK --policy pretrained --objects {_DEMO_OBJECTS} --episodes {_DEMO_EPISODES} \\
+      --out results/demo/TASK --video results/demo/TASK/episode.gif --video-episodes {_DEMO_FILMED}
+  artiskill report page results/demo/TASK"""
 
 
 def add_commands(commands: Any) -> None:
     """Add the commands."""
-    summary = "watch the expert solve a task on unseen test objects; report and GIF"
+    summary = "measure the package's policies on cabinets that they have never met; films and pages"
     parser = add_command(commands, "demo", _run_demo, summary, _DEMO_EPILOG)
-    _add_task(parser)
-    parser.add_argument(
-        "--out",
-        type=Path,
-        default=Path("results/demo"),
-        metavar="FOLDER",
-        help="folder to write (default: %(default)s)",
-    )
+    parser.add_argument("--task", help=f"only this task (default: {' and '.join(_DEMO_TASKS)})")
+    folder = "folder to write (default: %(default)s)"
+    parser.add_argument("--out", type=Path, default=Path("results/demo"), metavar="FOLDER", help=folder)
     add_workers(parser)
     _add_evaluate(commands)
     subcommands = add_group(commands, "report", "verify, show and compare reports")
@@ -170,24 +169,27 @@ def _add_sandbox(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--readable", nargs="+", default=[], metavar="PATH", help=reading)
 
 
-def _add_task(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--task",
-        default=_TASK,
-        help="name of the task, or module:Task of your own package (default: %(default)s)",
-    )
-
-
 def _run_demo(arguments: argparse.Namespace) -> None:
-    out = str(arguments.out)
-    command = ["evaluate", "--task", arguments.task, "--policy", "expert", "--objects", "test", "--episodes", "2"]
-    command += ["--out", out, "--video", f"{out}/episode.gif"]
-    if arguments.workers is not None:
-        command += ["--workers", str(arguments.workers)]
-    print(f"artiskill {shlex.join(command)}", flush=True)
     parser = Parser(prog="artiskill")
     add_commands(parser.add_subparsers())
-    _run_evaluate(parser.parse_strictly(command))
+    tasks = [arguments.task] if arguments.task else _DEMO_TASKS
+    workers = [] if arguments.workers is None else ["--workers", str(arguments.workers)]
+    for task in tasks:
+        for command in _demo_commands(task, str(arguments.out / task)):
+            print(f"artiskill {shlex.join(command + workers)}", flush=True)
+            parsed = parser.parse_strictly(command + workers)
+            parsed.run(parsed)
+    print("open these pages in a browser:")
+    for task in tasks:
+        print(f"  {(arguments.out / task / 'page.html').absolute()}")
+
+
+def _demo_commands(task: str, out: str) -> list[list[str]]:
+    """Return what the demo does with a task: measure a policy, film it, write a page."""
+    evaluate = ["evaluate", "--task", task, "--policy", "pretrained", "--objects", _DEMO_OBJECTS]
+    evaluate += ["--episodes", str(_DEMO_EPISODES), "--out", out]
+    evaluate += ["--video", f"{out}/episode.gif", "--video-episodes", str(_DEMO_FILMED)]
+    return [evaluate, ["report", "page", out]]
 
 
 def _run_evaluate(arguments: argparse.Namespace) -> None:
@@ -226,7 +228,7 @@ def _run_evaluate(arguments: argparse.Namespace) -> None:
             if arguments.out is not None:
                 write_report(report, arguments.out, is_locked=True)
                 remove_kept(arguments.out)
-                print(f"report: {arguments.out}/report.md")
+                print(f"report: {arguments.out}/report.md (as a page: artiskill report page {arguments.out})")
         if arguments.video is not None:
             _record(arguments, plan, workers)
 
