@@ -14,11 +14,13 @@ from artiskill.assets.kinematics import link_poses
 from artiskill.checks.context import at_most, failed, fine
 from artiskill.demos.demos import PACK
 from artiskill.errors import ConfigError
+from artiskill.evaluation.evaluate import evaluate
 from artiskill.evaluation.pictures import EpisodeChoice
+from artiskill.evaluation.report import write_report
 from artiskill.viewer.episode_page import EpisodePage, export_episode
 from artiskill.viewer.object_page import ObjectPage, faults_of_links, findings_text
-from artiskill.viewer.pickers import DRAWN_BY_LEVEL, DemoPicker, LivePicker
-from artiskill.viewer.playback import LiveEpisode
+from artiskill.viewer.pickers import DRAWN_BY_LEVEL, DemoPicker, LivePicker, ReportPicker
+from artiskill.viewer.playback import NOT_SOLVED, LiveEpisode
 
 PERSON = 7  # a client's number
 
@@ -281,3 +283,55 @@ def test_a_person_drives(server: Any, page: EpisodePage) -> None:
     page.update()
     assert server.scene.get_handle_by_name("/hand-0") is None
     assert not page.player.timeline.by_hand  # type: ignore[attr-defined]
+
+
+def test_what_is_solved_by_hand_is_stored_once_and_the_page_says_where(
+    server: Any, choice: EpisodeChoice, tmp_path: Path
+) -> None:
+    pytest.importorskip("h5py")
+    page = EpisodePage(server, LivePicker(choice), plays=False, record=tmp_path / "mine")
+    page.player.step(10)
+    for by_hand in (True, False):
+        use(widget(server, "Checkbox", "drive"), by_hand)
+        page.update()
+        page.player.step(3)
+    page.player.step(200)
+    assert page.player.at_end
+    for _ in range(3):
+        page.show()
+    assert page._hand.note.content == f"stored: demonstration 0 in {tmp_path}/mine/cabinet-0002.h5"
+    use(widget(server, "Dropdown", "task"), "PushChair")
+    use(widget(server, "Button", "load"), True)
+    page.update()
+    assert "holds demonstrations of OpenCabinetDrawer, not of PushChair" in page._title.content
+
+
+def test_contacts_are_shown_and_told(server: Any, page: EpisodePage) -> None:
+    page.player.step(30)
+    use(widget(server, "Checkbox", "contacts and forces"), True)
+    page.update()
+    assert re.fullmatch(r"4 contacts; the strongest \d+\.\d N, together \d+\.\d N", page._forces.content)
+    assert len(server.scene.get_handle_by_name("/contacts/points").points) == 4
+    use(widget(server, "Checkbox", "contacts and forces"), False)
+    page.update()
+    assert server.scene.get_handle_by_name("/contacts/points") is None
+
+
+def test_failures_of_a_report_are_found(server: Any, tmp_path: Path) -> None:
+    config = {"episode_steps": 56}
+    played = evaluate("OpenCabinetDrawer", "expert", ["cabinet-0002", "cabinet-0003"], 2, 3, config=config)
+    assert 0 < played.total.successes < 4
+    page = EpisodePage(server, ReportPicker(write_report(played, tmp_path)), plays=False)
+    assert not page._hand_folder.visible
+    use(widget(server, "Checkbox", "only unsolved"), True)
+    page.update()
+    unsolved = [e for e in played.episodes if not e.success]
+    assert widget(server, "Dropdown", "object").options[0] == f"{unsolved[0].object}, any"
+    assert len(widget(server, "Dropdown", "episode").options) == sum(
+        e.object == unsolved[0].object for e in unsolved
+    )
+    use(widget(server, "Button", "load"), True)
+    page.update()
+    timeline = page.player.timeline
+    assert timeline.title.startswith(f"OpenCabinetDrawer: {unsolved[0].object}, ")
+    assert timeline.moment(len(timeline) - 1).end == NOT_SOLVED

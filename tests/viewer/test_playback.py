@@ -101,6 +101,35 @@ def test_who_is_slow_falls_behind_instead_of_jumping(clock: Clock) -> None:
     assert player.position == 9
 
 
+def test_a_slow_policy_does_not_hold_up_the_page(clock: Clock) -> None:
+    class Slow(Growing):
+        def extend(self) -> None:
+            clock.now += 0.1
+            super().extend()
+
+    player = player_of(Slow(100), clock)
+    player.play()
+    for k in range(1, 5):
+        clock.now += 2 * STEP_S
+        assert player.update()
+        assert player.position == k
+
+
+def test_pictures_between_two_steps(clock: Clock) -> None:
+    player = player_of(Growing(100), clock)
+    player.step(3)
+    assert [found.number for found in player.between()[:2]] == [3, 3]  # type: ignore[attr-defined]
+    player.play()
+    clock.now += STEP_S + 1e-9
+    player.update()
+    clock.now += 0.25 * STEP_S
+    before, after, share = player.between()
+    assert (before.number, after.number) == (3, 4)  # type: ignore[attr-defined]
+    assert share == pytest.approx(0.25, abs=1e-3)
+    player.pause()
+    assert player.between()[2] == 1.0
+
+
 def test_it_stops_at_the_end_and_plays_again_from_the_beginning(clock: Clock) -> None:
     player = player_of(Growing(4), clock)
     player.play()

@@ -2,6 +2,7 @@
 
 import io
 import socket
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from artiskill.assets.kinematics import shape_volume_m3
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError, UnknownNameError
 from artiskill.exports.glb import body_glb
-from artiskill.geometry.rotations import quat_to_matrix
+from artiskill.geometry.rotations import quat_angle, quat_to_matrix
 from artiskill.sensors.render_config import load_render_config
 from artiskill.viewer import check_address, serving
 from artiskill.viewer.scene_view import (
@@ -23,6 +24,7 @@ from artiskill.viewer.scene_view import (
     TARGET,
     SceneView,
     add_stage,
+    blended_poses,
     object_bodies,
     scene_bodies,
 )
@@ -101,6 +103,21 @@ def test_poses_are_the_snapshots(server: Any, env: ManipulationEnv) -> None:
                 quat_to_matrix(handle.wxyz), quat_to_matrix(snapshot.body_quaternion_w[0, index]), atol=5e-6
             )
         env.step(env.action_space.sample())
+
+
+def test_poses_between_two_snapshots(env: ManipulationEnv) -> None:
+    before = env.snapshot
+    for _ in range(3):
+        env.step(env.action_space.sample())
+    after = env.snapshot
+    flipped = replace(after, body_quaternion_w=-after.body_quaternion_w)  # the same orientations
+    for share in (0.0, 0.3, 1.0):
+        positions, quaternions = blended_poses(before, flipped, share)
+        way = after.body_position_w[0] - before.body_position_w[0]
+        np.testing.assert_allclose(positions - before.body_position_w[0], share * way, atol=1e-12)
+        first, last = before.body_quaternion_w[0], after.body_quaternion_w[0]
+        whole, part = quat_angle(first, last), quat_angle(first, quaternions)
+        np.testing.assert_allclose(part, share * whole, atol=2e-3)
 
 
 def test_layers_are_switched_on_and_off(server: Any, env: ManipulationEnv) -> None:

@@ -28,7 +28,8 @@ from artiskill.tasks.task import Task
 from artiskill.viewer.driving import HandActor
 
 SPEEDS = {"1/8": 0.125, "1/4": 0.25, "1/2": 0.5, "1": 1.0, "2": 2.0, "4": 4.0}  # times as fast as life
-_MOST_DUE = 8  # steps that one update catches up with; who is slower falls behind
+# steps that one update catches up with, and how long it may take for them; who is slower falls behind
+_MOST_DUE, _MOST_S = 8, 0.04
 _YES, _NO = "\u2611", "\u2610"  # ballot boxes, with and without a check
 SOLVED, NOT_SOLVED = "solved", "not solved"
 
@@ -301,9 +302,11 @@ class Player:
         due = int((now - self._since_s) / interval_s)
         if not due:
             return False
-        self._since_s = self._since_s + due * interval_s if due <= _MOST_DUE else now
-        before = self.position
-        self._go_to(before + min(due, _MOST_DUE))
+        before, wanted = self.position, min(due, _MOST_DUE)
+        while self.position < before + wanted and not self.at_end and self._clock() - now < _MOST_S:
+            self._go_to(self.position + 1)
+        is_late = self.position < before + due
+        self._since_s = self._clock() if is_late else self._since_s + due * interval_s
         self._previous = before
         if self.at_end:
             self.pause()
