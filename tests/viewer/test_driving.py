@@ -65,6 +65,30 @@ def test_the_trunk_is_pushed_and_takes_the_hands_along() -> None:
     np.testing.assert_allclose((last.tool_position_w - first.tool_position_w)[0, 0, :2], way, atol=0.02)
 
 
+def test_what_a_hand_wants_goes_with_the_trunk() -> None:
+    """A hand that is on its way, or presses against something, goes on while the trunk turns, rolls and rises."""
+    episode = LiveEpisode(EpisodeChoice("OpenCabinetDrawer", "cabinet-0002"))
+    episode.take_over(0, by_hand=True)
+    hand = episode.hand
+
+    def in_trunk(positions_w: np.ndarray) -> np.ndarray:
+        x, y, yaw, lift = episode.moment(len(episode) - 1).context.snapshot.robot_qpos[0, :4]
+        turn = quat_to_matrix(quat_from_axis_angle((0.0, 0.0, 1.0), yaw))
+        found: np.ndarray = (positions_w - (x, y, lift)) @ turn
+        return found
+
+    hand.positions_w[0] += (-0.05, 0.05, 0.1)
+    wanted = in_trunk(hand.positions_w)
+    for _ in range(15):
+        hand.push((0.4, 0.2, 0.2, 0.3))
+        episode.extend()
+    for _ in range(30):
+        episode.extend()
+    snapshot = episode.moment(len(episode) - 1).context.snapshot
+    np.testing.assert_allclose(in_trunk(hand.positions_w), wanted, atol=0.01)
+    np.testing.assert_allclose(snapshot.tool_position_w[0], hand.positions_w, atol=0.005)
+
+
 @pytest.mark.parametrize("opening_m", [0.0, 0.03])
 def test_fingers_open_and_close(opening_m: float) -> None:
     episode = LiveEpisode(EpisodeChoice("OpenCabinetDrawer", "cabinet-0002"))

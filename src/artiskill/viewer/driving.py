@@ -11,7 +11,15 @@ from artiskill.demos.settings import load_demos_config
 from artiskill.envs.control import OPERATIONAL, Control
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.evaluation.policies import Actor
-from artiskill.geometry.rotations import quat_conjugate, quat_from_matrix, quat_multiply, quat_to_rotation_vector
+from artiskill.geometry.arrays import rotate
+from artiskill.geometry.rotations import (
+    quat_conjugate,
+    quat_from_axis_angle,
+    quat_from_matrix,
+    quat_multiply,
+    quat_to_matrix,
+    quat_to_rotation_vector,
+)
 from artiskill.robots.operational_space import TRUNK
 from artiskill.sim.snapshot import Snapshot
 
@@ -71,9 +79,20 @@ class HandActor(Actor):
         self._stay(env.snapshot)
 
     def _stay(self, snapshot: Snapshot) -> None:
-        self.has_moved_on = True
+        self.has_moved_on, self._trunk = True, snapshot.robot_qpos[0, :TRUNK].copy()
         self.positions_w = snapshot.tool_position_w[0].copy()
         self.quaternions_w = np.stack([quat_from_matrix(turn) for turn in snapshot.tool_rotation_w[0]])
+
+    def _go_along(self, snapshot: Snapshot) -> None:
+        """Move the wanted poses as the trunk has moved since the last step: who presses goes on pressing."""
+        trunk = snapshot.robot_qpos[0, :TRUNK].copy()
+        if self._steps:
+            turn = quat_from_axis_angle((0.0, 0.0, 1.0), trunk[2] - self._trunk[2])
+            before, now = (np.array((pose[0], pose[1], pose[3])) for pose in (self._trunk, trunk))
+            self.positions_w = rotate(quat_to_matrix(turn), self.positions_w - before) + now
+            self.quaternions_w = quat_multiply(turn, self.quaternions_w)
+            self.has_moved_on = True
+        self._trunk = trunk
 
     def push(self, trunk_share: Sequence[float]) -> None:
         """Push the trunk for a moment; the hands go with it.
@@ -89,13 +108,11 @@ class HandActor(Actor):
         values = scale.center.copy()
         arms = values[TRUNK:].reshape(len(self.positions_w), -1)
         arms[:, -2:] = self.opening_m
-        if self._steps:
-            if self._steps > _BRAKE_STEPS:
-                values[:TRUNK] = self._trunk_share * scale.half_range[:TRUNK]
-            self._steps -= 1
-            self._stay(snapshot)
-        else:
-            arms[:, :6] = self._twists(snapshot)
+        self._go_along(snapshot)
+        if self._steps > _BRAKE_STEPS:
+            values[:TRUNK] = self._trunk_share * scale.half_range[:TRUNK]
+        self._steps = max(self._steps - 1, 0)
+        arms[:, :6] = self._twists(snapshot)
         targets = self._control.to_targets(scale.to_actions(values)[None], snapshot)
         action = np.clip(env.control.to_actions(targets, snapshot)[0], -1.0, 1.0)
         return rounded(action, self._action_bits)
