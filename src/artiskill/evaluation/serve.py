@@ -35,7 +35,7 @@ from artiskill.evaluation.solution import ObjectSolution
 LOOPBACK, PORT = LOOPBACKS[0], 8000
 _DEFAULT_OBS_MODE = "state"
 _HEALTH = "/healthz"
-_GOING_AWAY, _INTERNAL_ERROR = 1001, 1011  # WebSocket's statuses, RFC 6455, section 7.4.1
+_INTERNAL_ERROR, _ENDING = 1011, (1001, "the server ends")  # WebSocket's statuses, RFC 6455, section 7.4.1
 _CLOSE_S = 1.0
 _in_process = threading.Lock()  # numeric libraries have one number of threads for all that runs in a process
 
@@ -118,7 +118,7 @@ class PolicyServer:
             connections = list(self._open.items())
         for connection, actor in connections:
             actor.close()  # a policy that thinks forever would keep its connection's thread
-            connection.close(_GOING_AWAY, "the server ends")
+            connection.close(*_ENDING)
 
     def __enter__(self) -> "PolicyServer":
         return self
@@ -154,6 +154,7 @@ class PolicyServer:
             self._on_event(f"{who}: lost after {calls} answers")
         except Exception as error:  # of a policy, anything
             if self._is_ending:  # which ends policies, too
+                connection.close(*_ENDING)
                 return
             self._on_event(f"{who}: ended by a fault: {_said(error)}")
             with suppress(ConnectionClosed):
