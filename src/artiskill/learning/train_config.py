@@ -54,14 +54,11 @@ _SHARES: Mapping[str, tuple[int, ...]] = {
 }
 _MOST_STEPS = 10**9
 _MOST_NAMED = 5  # differences
-_ROLLOUT_SEEDS = "0..199"
-# what experts do otherwise when they teach, by task. How far a joint goes is not seen, so a student that stops
-# where the expert would may stop too early; at its limit the joint stops by itself, a drawer also if pulled on.
-# And a student that has rolled its hand the wrong way takes the grasp that is nearest then
-_TEACHING: Mapping[str, dict[str, Any]] = {
-    "OpenCabinetDrawer": {"overshoot": 10.0, "grasp.roll_weight": 0.3},
-    "OpenCabinetDoor": {"overshoot": 1.0, "grasp.roll_weight": 0.3},
-}
+_ROLLOUT_SEEDS = "0..599"
+# what experts do otherwise when they teach, by category. How far a joint goes is not seen, so a student that stops
+# where the expert would may stop too early: it goes on, and the joint's limit stops it. And a student that has
+# rolled its hand the wrong way takes the grasp that is nearest then
+_TEACHING: Mapping[str, dict[str, Any]] = {"cabinet": {"overshoot": 10.0, "grasp.roll_weight": 0.3}}
 _AT_ORIGIN = ("chair", "bucket")  # whose goal is the world's origin
 
 
@@ -214,7 +211,7 @@ def _fill_rollouts(values: dict[str, Any], task: str, category: str) -> None:
     if algorithm["objects"] is None:
         algorithm["objects"] = ("train", f"generated:{category}:{_ROLLOUT_SEEDS}")
     if algorithm["expert"] is None:
-        algorithm["expert"] = dict(_TEACHING.get(task, {}))
+        algorithm["expert"] = dict(_TEACHING.get(category, {}))
     if algorithm["shares"] is None:
         algorithm["shares"] = _SHARES.get(task, _SHARES[category])
     seen["origin"] = seen["body"] and category in _AT_ORIGIN
