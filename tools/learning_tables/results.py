@@ -105,11 +105,12 @@ def read_results(work: Path, settings: Settings) -> list[Result]:
 def read_result(cell: Cell, work: Path) -> Result:
     """Read a finished cell."""
     place = place_of(cell, work)
-    measured = {split: _read_measured(place.reports[split]) for split in SPLITS_OF[cell.table]}
+    measured = {split: read_measured(place.reports[split]) for split in SPLITS_OF[cell.table]}
     return Result(cell, parse_json(read_bytes(place.trained)), measured)
 
 
-def _read_measured(folder: Path) -> Measured:
+def read_measured(folder: Path) -> Measured:
+    """Read a report."""
     report = parse_json(read_bytes(folder / "report.json"))
     successes, episodes = Counter[str](), Counter[str]()
     for row in report["objects"]:

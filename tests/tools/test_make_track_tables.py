@@ -1,0 +1,95 @@
+"""Queue and table of generalising policies, with commands that write what real ones would."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+import make_track_tables as script
+from make_track_tables import BEGIN, END, Policy, evaluate_command, train_command
+
+WORDS = f"before\n{BEGIN}\nold\n{END}\nafter\n"
+
+
+@pytest.fixture
+def commands(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """Commands that were called; each leaves what the real one would, doors being solved half as often."""
+    called: list[list[str]] = []
+
+    def call(command: list[str], environment: object) -> bool:
+        called.append(command)
+        if command[0] == "train":
+            Path(command[command.index("--out") + 1]).mkdir(parents=True)
+        else:
+            seed = int(command[command.index("--policy") + 1].split("seed-")[1].split("/")[0])
+            solved = 20 + 20 * seed if "OpenCabinetDrawer" in " ".join(command) else 10
+            objects = [{"object": name, "episodes": 50, "successes": solved} for name in ("one", "two")]
+            report = Path(command[command.index("--out") + 1]) / "report.json"
+            report.parent.mkdir(parents=True)
+            report.write_text(json.dumps({"objects": objects, "timing": {"seconds": 1.0}}))
+        return "PushChair" not in command
+
+    monkeypatch.setattr(script, "call", call)
+    return called
+
+
+def run(folder: Path, *options: str) -> int:
+    page = folder / "page.md"
+    if not page.exists():
+        page.write_text(WORDS)
+    fixed = ["--work", str(folder / "work"), "--page", str(page), "--tracks", "no-restrictions", "--jobs", "1"]
+    return script.main([*fixed, *options])
+
+
+def test_seeds_are_averaged_and_nothing_is_done_twice(tmp_path: Path, commands: list[list[str]]) -> None:
+    options = ("--tasks", "OpenCabinetDrawer", "OpenCabinetDoor", "--seeds", "0", "1")
+    assert run(tmp_path, *options) == 0
+    assert len(commands) == 2 * 2 * 3
+    rows = (tmp_path / "page.md").read_text().splitlines()
+    assert (rows[0], rows[-1]) == ("before", "after")
+    test_row = next(row for row in rows if row.startswith("| no-restrictions | test"))
+    doors, drawers = (cell.strip() for cell in test_row.split("|")[3:5])
+    assert drawers == "60.0% ± 28.3% (60% to 60%), 2 seeds"  # of 40 and 80 %
+    assert doors == "20.0% ± 0.0% (20% to 20%), 2 seeds"
+    table = (tmp_path / "data" / "tracks.csv").read_text().splitlines()
+    assert len(table) == 1 + 2 * 2 * 2 * 2
+    assert "no-restrictions,OpenCabinetDrawer,1,test,two,50,40" in table
+
+    commands.clear()
+    assert run(tmp_path, *options) == 0
+    assert commands == []
+
+
+def test_training_leaves_test_objects_alone(tmp_path: Path, commands: list[list[str]]) -> None:
+    options = ("--tasks", "MoveBucket", "--seeds", "3", "--stages")
+    assert run(tmp_path, *options, "train") == 0
+    assert [command[0] for command in commands] == ["train"]
+    assert run(tmp_path, *options, "evaluate") == 0
+    assert [command[0] for command in commands] == ["train", "evaluate", "evaluate"]
+
+
+def test_what_fails_is_not_measured(tmp_path: Path, commands: list[list[str]]) -> None:
+    assert run(tmp_path, "--tasks", "PushChair", "MoveBucket", "--seeds", "0") == 1
+    assert [command[0] for command in commands] == ["train", "train", "evaluate", "evaluate"]
+
+
+def test_commands_of_the_tracks() -> None:
+    work = Path("w")
+    student = Policy("interactive-expert", "PushChair", 2)
+    assert " ".join(train_command(student, work)) == (
+        "train dagger --task PushChair --out w/interactive-expert/PushChair/seed-2/run --objects train --seed 2 "
+        "--threads 1 --workers 1"
+    )
+    imitator = Policy("no-interactions", "PushChair", 0)
+    assert "--data w/sets/PushChair" in " ".join(train_command(imitator, work))
+    assert " ".join(evaluate_command(student, "ood", work)) == (
+        "evaluate --policy w/interactive-expert/PushChair/seed-2/run --protocol "
+        "artiskill-1/PushChair/ood/joint/pointcloud --track interactive-expert "
+        "--out w/interactive-expert/PushChair/seed-2/ood --workers 1"
+    )
+
+
+def test_a_page_without_marks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "page.md").write_text("nothing")
+    assert run(tmp_path, "--tasks", "PushChair", "--seeds", "0", "--stages", "evaluate") == 2
+    assert "lacks the marks" in capsys.readouterr().err

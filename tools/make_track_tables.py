@@ -1,0 +1,240 @@
+"""Make the table of generalising policies anew: `python tools/make_track_tables.py --jobs 2`.
+
+Each policy is a track, a task and a seed: trained, then measured on the standard protocols of `test` and `ood`.
+Everything is a command of `artiskill`, printed as it starts. Whatever ends this script, the same command goes on.
+`--stages train` leaves the test objects alone until all policies are there; nothing is chosen by them.
+"""
+
+import argparse
+import csv
+import os
+import shlex
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from artiskill.errors import ArtiSkillError, ConfigError
+from artiskill.files import atomic_write, read_text
+from artiskill.gallery.facts import markdown
+from artiskill.jobs.parallel import available_cores
+from learning_tables.cells import TASKS
+from learning_tables.results import Measured, read_measured
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "learning.md"
+TABLE = Path("data", "tracks.csv")  # beside the page
+BEGIN, END = "<!-- made by tools/make_track_tables.py -->", "<!-- end of the tracks -->"
+SPLITS = ("test", "ood")
+TRAIN, EVALUATE = STAGES = ("train", "evaluate")
+TRACKS = {
+    "no-restrictions": ("dagger",),
+    "interactive-expert": ("dagger", "--objects", "train"),
+    "no-interactions": ("bc", "--network", "small", "--dev-objects", "none"),
+}
+CSV_HEAD = ["track", "task", "seed", "split", "object", "episodes", "successes"]
+PER_OBJECT = 40  # demonstrations of those that learn from them
+POINTS = 128
+
+
+class Policy(NamedTuple):
+    """One policy of the table."""
+
+    track: str
+    task: str
+    seed: int
+
+    def folder(self, work: Path) -> Path:
+        """Where it is trained and measured."""
+        return work / self.track / self.task / f"seed-{self.seed}"
+
+    def reports(self, work: Path) -> dict[str, Path]:
+        """Return the folder of its report by split."""
+        return {split: self.folder(work) / split for split in SPLITS}
+
+
+def main(arguments: list[str]) -> int:
+    """Train, measure, write; the exit status is 1 if a command failed, 2 if what is asked is not legal."""
+    options = make_parser().parse_args(arguments)
+    policies = [Policy(*one) for one in _product(options.tracks, options.tasks, options.seeds)]
+    try:
+        if options.jobs < 1:
+            raise ConfigError(f"--jobs must be at least 1, not {options.jobs}")
+        failed = run_all(policies, options)
+        write_table(options.work, options.page)
+    except ArtiSkillError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return int(failed)
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of the script's options."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add = parser.add_argument
+    add("--work", type=Path, default=Path("results/tracks"), help="folder (default: %(default)s)")
+    add("--page", type=Path, default=PAGE, help="with the two marks (default: docs/learning.md)")
+    add("--tracks", nargs="+", choices=TRACKS, default=list(TRACKS), metavar="TRACK", help="(default: all)")
+    add("--tasks", nargs="+", choices=TASKS, default=TASKS, metavar="TASK", help="(default: all four)")
+    add("--seeds", nargs="+", type=int, default=[0, 1, 2, 3, 4], help="(default: 0 1 2 3 4)")
+    add("--stages", nargs="+", choices=STAGES, default=STAGES, help="(default: both)")
+    add("--jobs", type=int, default=available_cores(), help="policies at once, a core each (default: all cores)")
+    return parser
+
+
+def _product(tracks: Sequence[str], tasks: Sequence[str], seeds: Sequence[int]) -> Iterator[tuple[str, str, int]]:
+    """Yield the first seed of everything first."""
+    for seed in seeds:
+        for track in tracks:
+            for task in tasks:
+                yield track, task, seed
+
+
+def run_all(policies: Sequence[Policy], options: argparse.Namespace) -> bool:
+    """Run what is missing, several policies at once; return whether a command failed."""
+    if TRAIN in options.stages:
+        for task in sorted({one.task for one in policies if one.track == "no-interactions"}):
+            for command in data_commands(task, options.work, options.jobs):
+                call(command, os.environ)
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    with ThreadPoolExecutor(options.jobs) as pool:
+        done = [pool.submit(run, one, options.work, options.stages, environment) for one in policies]
+    return not all(one.result() for one in done)
+
+
+def run(policy: Policy, work: Path, stages: Sequence[str], environment: dict[str, str]) -> bool:
+    """Train and measure a policy, as far as that is missing; return whether all commands succeeded."""
+    folder = policy.folder(work)
+    trained = folder / "seconds.txt"
+    if TRAIN in stages and not trained.is_file():
+        start = time.perf_counter()
+        if not call(train_command(policy, work), environment):
+            return False
+        with atomic_write(trained) as path:
+            path.write_text(f"{time.perf_counter() - start:.0f}\n", encoding="utf-8")
+    if EVALUATE in stages and trained.is_file():
+        for split, report in policy.reports(work).items():
+            if not (report / "report.json").is_file() and not call(
+                evaluate_command(policy, split, work), environment
+            ):
+                return False
+    return True
+
+
+def call(command: list[str], environment: "os._Environ[str] | dict[str, str]") -> bool:
+    """Run one of the package's commands; return whether it succeeded."""
+    print(f"$ {shlex.join(['artiskill', *command])}", flush=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "artiskill", *command], env=environment, stdout=subprocess.DEVNULL, check=False
+    )
+    if done.returncode:
+        print(f"failed, exit status {done.returncode}: {shlex.join(command)}", file=sys.stderr, flush=True)
+    return not done.returncode
+
+
+def data_commands(task: str, work: Path, workers: int) -> list[list[str]]:
+    """Return the commands that make a task's training set; both end at once where it is there."""
+    demos, data = str(work / "demos" / task), str(work / "sets" / task)
+    if Path(data, "manifest.json").is_file():
+        return []
+    common = ["--workers", str(workers)]
+    return [
+        ["demos", "collect", "--task", task, "--per-object", str(PER_OBJECT), "--out", demos, *common],
+        ["training-set", demos, "--out", data, "--points", str(POINTS), "--frame", "robot", *common],
+    ]
+
+
+def train_command(policy: Policy, work: Path) -> list[str]:
+    """Return the command that trains."""
+    name, *values = TRACKS[policy.track]
+    command = ["train", name, "--task", policy.task, "--out", str(policy.folder(work) / "run"), *values]
+    if policy.track == "no-interactions":
+        command += ["--data", str(work / "sets" / policy.task)]
+    return [*command, "--seed", str(policy.seed), "--threads", "1", "--workers", "1"]
+
+
+def evaluate_command(policy: Policy, split: str, work: Path) -> list[str]:
+    """Return the command that measures on a split."""
+    protocol = f"artiskill-1/{policy.task}/{split}/joint/pointcloud"
+    command = ["evaluate", "--policy", str(policy.folder(work) / "run"), "--protocol", protocol]
+    return [*command, "--track", policy.track, "--out", str(policy.reports(work)[split]), "--workers", "1"]
+
+
+def read_all(work: Path) -> dict[Policy, dict[str, Measured]]:
+    """Return what finished policies reached, by split."""
+    found = {}
+    for track in TRACKS:
+        for task in TASKS:
+            seeds = (int(path.name.removeprefix("seed-")) for path in (work / track / task).glob("seed-*"))
+            for policy in (Policy(track, task, seed) for seed in sorted(seeds)):
+                reports = policy.reports(work)
+                if all((path / "report.json").is_file() for path in reports.values()):
+                    found[policy] = {split: read_measured(path) for split, path in reports.items()}
+    return found
+
+
+def table_text(found: dict[Policy, dict[str, Measured]]) -> str:
+    """Return the table: a row per track and split, a column per task."""
+    rows = []
+    for track in TRACKS:
+        for split in SPLITS:
+            cells = []
+            for task in TASKS:
+                chosen = [one[split] for policy, one in found.items() if policy[:2] == (track, task)]
+                cells.append(_cell(chosen))
+            rows.append([track, split, *cells])
+    return markdown(["track", "objects", *TASKS], rows)
+
+
+def _cell(seeds: Sequence[Measured]) -> str:
+    """Return the mean over seeds, its spread, and the interval for unseen objects in general."""
+    if not seeds:
+        return "missing"
+    rates = [one.rate for one in seeds]
+    total = seeds[0]
+    for one in seeds[1:]:
+        total += one
+    low, high = total.objects_interval
+    spread = f" ± {np.std(rates, ddof=1):.1%}" if len(rates) > 1 else ""
+    return f"{np.mean(rates):.1%}{spread} ({low:.0%} to {high:.0%}), {len(rates)} seed{'s' * (len(rates) > 1)}"
+
+
+def csv_rows(found: dict[Policy, dict[str, Measured]]) -> Iterator[list[str]]:
+    """Yield a row per policy, split and object."""
+    for policy, splits in found.items():
+        for split, one in splits.items():
+            for name in sorted(one.episodes):
+                row = (*policy, split, name, one.episodes[name], one.successes[name])
+                yield [str(value) for value in row]
+
+
+def write_table(work: Path, page: Path) -> None:
+    """Write the CSV file and what stands between the marks of the page, of all that is finished.
+
+    Raises:
+        ConfigError: the page cannot be read, or lacks the marks.
+    """
+    try:
+        text = read_text(page)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"cannot read {str(page)!r}: {error}") from error
+    if BEGIN not in text or END not in text:
+        raise ConfigError(f"{str(page)!r} lacks the marks between which the table is written: {BEGIN} {END}")
+    found = read_all(work)
+    head, rest = text.split(BEGIN, 1)
+    with atomic_write(page) as path:
+        path.write_text(f"{head}{BEGIN}\n{table_text(found)}\n{END}{rest.split(END, 1)[1]}", encoding="utf-8")
+    table = page.parent / TABLE
+    table.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_write(table) as path, path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(CSV_HEAD)
+        writer.writerows(csv_rows(found))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
