@@ -340,6 +340,15 @@ ATTACKS = {
         SAME,
         CONFINED,
     ),
+    "leaves the group that is ended": Attack(
+        "must_fail(os.setsid)\nmust_fail(os.setpgid, 0, 0)\n"
+        "libc.prctl(1, 0)",  # PR_SET_PDEATHSIG: not to be told when its parent ends
+        SAME,
+        CONFINED,
+    ),
+    "watches files": Attack(
+        "must_fail(call, libc.inotify_init1, 0)\nmust_fail(call, libc.syscall, 300, 0, 0)", SAME, CONFINED
+    ),
     "other ways to the kernel": Attack(
         "must_fail(call, libc.syscall, 425, 8, bytes(120))\n"
         "must_fail(call, libc.syscall, 321, 0, bytes(120), 120)",
@@ -424,13 +433,14 @@ def act(world: World, kind: str | None, attack: Attack) -> None:
         found.close()
 
 
-def check_complaint(error: ArtiSkillError, attack: Attack, where: str) -> None:
+def check_complaint(error: ArtiSkillError, attack: Attack) -> None:
     """Check that it is one line which names the file, what went wrong, object, level and step."""
     message = str(error)
     assert isinstance(error, PolicyError), error
     assert attack.says != SAME, f"not refused, or not quietly: {message}"
     assert re.search(attack.says.lstrip("|"), message), message
-    assert re.search(rf"solution\.py: .*\(.*{where}, step \d+\)$", message), message
+    where = rf"object {OBJECT}, level ({LEVEL}|{LEVEL + 1}), step \d+"
+    assert re.search(rf"solution\.py: .*\(.*{where}\)$", message), message
     assert message.isprintable(), message
 
 
@@ -451,7 +461,7 @@ def try_attack(world: World, name: str, kind: str | None) -> None:
         act(world, kind, attack)
         assert attack.may_act, f"it acts as if it were innocent, but should have failed with: {attack.says}"
     except ArtiSkillError as error:
-        check_complaint(error, attack, f"object {OBJECT}, level {LEVEL}")
+        check_complaint(error, attack)
     assert world.content() == before
 
 
@@ -488,6 +498,9 @@ def test_attacks_under_every_kind_with_limits(world: World, name: str, kind: str
 # -- whole evaluations --------------------------------------------------------------------------------------------
 
 
+innocents: dict[Any, dict[str, Any]] = {}
+
+
 def evaluated(world: World, kind: str, attack: Attack) -> dict[str, Any]:
     """Return the report of an evaluation, but for what names the file, and for time."""
     settings = {"first_level": LEVEL, "config": {"episode_steps": 3}}
@@ -496,7 +509,8 @@ def evaluated(world: World, kind: str, attack: Attack) -> dict[str, Any]:
     )
     played = [(one.level, one.reward_sum, one.digest, one.actions.tobytes()) for one in report.episodes]
     found = report.to_mapping() | {"played": played}
-    return {key: value for key, value in found.items() if key not in ("timing", "sha256", "policy_sha256")}
+    named = ("timing", "sha256", "policy", "policy_sha256")
+    return {key: value for key, value in found.items() if key not in named}
 
 
 @pytest.mark.slow
@@ -505,13 +519,15 @@ def test_reports_after_attacks(world: World, name: str, kind: str) -> None:
     if why := why_not(kind):
         pytest.skip(why)
     attack = ATTACKS[name]
-    world.write("pass")
-    innocent = evaluated(world, kind, attack)
+    innocent = innocents.get((kind, str(attack.times)))
+    if innocent is None and attack.may_act:
+        world.write("pass")
+        innocent = innocents[kind, str(attack.times)] = evaluated(world, kind, attack)
     world.write(attack.code)
     before = world.content()
     try:
         assert evaluated(world, kind, attack) == innocent
         assert attack.may_act
     except ArtiSkillError as error:
-        check_complaint(error, attack, f"object {OBJECT}, level {LEVEL}")
+        check_complaint(error, attack)
     assert world.content() == before

@@ -79,6 +79,25 @@ def test_the_next_kind_is_taken_where_one_does_not_hold(
         FileSolution(path, sandbox=SandboxConfig("bubblewrap"))
 
 
+def test_elsewhere_only_limits_are_left(solution: Write, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.platform", "darwin")
+    found = FileSolution(solution(STILL))
+    found.close()
+    assert found.confinement.sandbox == LIMITS
+    assert set(found.confinement.passed_over) == {BUBBLEWRAP, LANDLOCK}
+    assert found.confinement.passed_over[LANDLOCK] == "it needs Linux, not darwin"
+    with pytest.raises(ConfigError, match=r"^sandbox 'landlock' does not hold here: it needs Linux, not darwin; "):
+        FileSolution(solution(STILL), sandbox=SandboxConfig(LANDLOCK))
+
+
+def test_long_paths_for_temporary_files(solution: Write, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """No socket can have such a path."""
+    long = tmp_path / ("x" * 120)
+    long.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(long))
+    assert first_action(solution(STILL), SandboxConfig(), 13) == [0.0] * 13
+
+
 @linux
 def test_what_does_not_hold_is_not_taken_for_held(solution: Write, monkeypatch: pytest.MonkeyPatch) -> None:
     """A wrapper that confines nothing, but for what the process does to itself."""

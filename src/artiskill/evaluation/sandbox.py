@@ -216,8 +216,9 @@ class SandboxedProcess:
         names = [path, f"\0artiskill-{secrets.token_hex(8)}"] if sys.platform.startswith("linux") else [path]
         for name in names:
             listener = self._listeners.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
-            listener.bind(name)
-            listener.listen()
+            with suppress(OSError):  # a path that is too long, by which nobody can connect
+                listener.bind(name)
+                listener.listen()
         listener = self._listeners.enter_context(socket.create_server(("127.0.0.1", 0)))
         return {"secret": secret, "evaluator": os.getpid(), "tcp": listener.getsockname()[1], "unix": names}
 

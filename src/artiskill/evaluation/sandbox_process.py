@@ -56,6 +56,8 @@ _CALLS: Mapping[str, tuple[int | None, int | None]] = {
     "lchown": (94, None), "fchown": (93, 55), "fchownat": (260, 54), "utime": (132, None), "utimes": (235, None),
     "futimesat": (261, None), "utimensat": (280, 88), "setxattr": (188, 5), "lsetxattr": (189, 6),
     "fsetxattr": (190, 7), "removexattr": (197, 14), "lremovexattr": (198, 15), "fremovexattr": (199, 16),
+    "setsid": (112, 157), "setpgid": (109, 154), "inotify_init": (253, None), "inotify_init1": (294, 26),
+    "fanotify_init": (300, 262),
 }  # fmt: skip
 _CHECKED = ("clone", "clone3", "mmap", "socketpair")
 _OF_OWN_PROCESS = (
@@ -317,7 +319,7 @@ def _fork() -> None:
 
 
 def _can_gain_privileges() -> None:
-    if _libc().prctl(_PR_GET_NO_NEW_PRIVS, 0, 0, 0, 0) == 1:
+    if sys.platform.startswith("linux") and _libc().prctl(_PR_GET_NO_NEW_PRIVS, 0, 0, 0, 0) == 1:
         raise PermissionError(errno.EPERM, "no_new_privs")
 
 

@@ -43,6 +43,7 @@ _DECLARED = ("obs_mode", "control_mode", "sampling", "observation_config")
 _MOST_SAID, _MOST_TEXT = 100_000, 500  # bytes of a frame that is not an action; characters of what it complains of
 _ENDING_S = 1.0  # for a process whose socket is closed
 _MOST_LINES = 10_000_000
+_NOW = socket.MSG_DONTWAIT | getattr(socket, "MSG_NOSIGNAL", 0)  # macOS has none, and needs none
 _BROKEN = "its process does not keep to the protocol"
 
 
@@ -286,7 +287,7 @@ class _Process:
         while rest:
             if self._wait(self._poll) & ~select.POLLOUT:
                 self._check_silent()
-            rest = rest[self._channel.send(rest, socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL) :]
+            rest = rest[self._channel.send(rest, _NOW) :]
 
     def _wait(self, poll: select.poll) -> int:
         """Wait for the socket, but not beyond the time limit, and return what has become of it."""
