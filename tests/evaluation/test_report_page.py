@@ -20,6 +20,7 @@ from artiskill.evaluation.html import plain, text
 from artiskill.evaluation.leaderboard import find_reports, read_leaderboard, write_leaderboard
 from artiskill.evaluation.report import REPORT_FILES, Report, mapping_sha256, pack_actions, write_report
 from artiskill.evaluation.report_page import read_page_source, report_page, write_report_page
+from artiskill.evaluation.sandbox import Confinement
 from artiskill.evaluation.statistics import EpisodeResult, compare_episodes, object_interval, summarize
 
 TASK, OBJECTS = "OpenCabinetDrawer", ["generated-cabinet-1000000", "generated-cabinet-1000002"]
@@ -162,12 +163,24 @@ def test_text_is_never_endless_and_plain_shows_anything() -> None:
     assert shown.words == "networknonememory mb4096heldyes, unknown<b>x1"
 
 
-def test_what_the_report_adds_about_confinement_is_shown(report: Report, folder: Path) -> None:
-    source = read_page_source(folder, films=0)
-    mapping = source.stored.mapping | {"confinement": {"network": "none", "tool": "<bubble>"}}
-    source = replace(source, stored=replace(source.stored, mapping=mapping))
-    words = Parsed(report_page(source, [], dict.fromkeys(OBJECTS, b""))).words
-    assert "Confinementnetworknonetool<bubble>" in words
+def test_what_held_a_solution_is_shown(report: Report, tmp_path: Path) -> None:
+    found = Confinement(
+        sandbox="limits",
+        version="<b>1",
+        held={"network": False, "<i>time</i>": True},
+        tried={"network": {"connect": "open"}},
+        limits={"memory_gb": 8.0},
+        readable=(),
+        passed_over={"bubblewrap": "<script>"},
+    )
+    for confinement, says in (
+        (found, "limits <b>1held<i>time</i>not heldnetworklimitsmemory gb8.0passed overbubblewrap<script>"),
+        (None, "Confinementnone: not a solution file"),
+    ):
+        write_report(replace(report, confinement=confinement), tmp_path)
+        parsed = Parsed(report_page(read_page_source(tmp_path, films=0), [], dict.fromkeys(OBJECTS, b"")))
+        parsed.check_harmless()
+        assert says in parsed.words
 
 
 def copied(folder: Path, to: Path) -> Path:

@@ -49,9 +49,8 @@ _PROVES = """<p>The physics gives the same bits on every machine, and the report
 plays the episodes again, without the policy, and gets the same states, flags and numbers, or sees that the report
 is forged:</p>"""
 _PROVES_NOT = """<p>This proves that these actions do what the report says. It does not prove who chose them, from
-which observations, or how fast: track, latency and machine are what the author says. With the policy at hand,
-<code>--policy</code> has it play a sample again and compares its actions.</p>"""
-_CONFINEMENT = ("confinement", "sandbox")  # parts of report.json that say what held a policy
+which observations, or how fast: track, latency, machine and confinement are what the author says. With the policy
+at hand, <code>--policy</code> has it play a sample again and compares its actions.</p>"""
 _FLAGS = """<p>A condition&#8217;s column is the share of episodes at whose end it had held for long enough.</p>"""
 
 
@@ -306,10 +305,20 @@ def _policy(stored: ReportFolder) -> str:
         machine = timing.machine
         said = f"{machine.processor or 'unknown'}, {machine.cores} cores, {machine.system}"
         found.append(("Machine", text(said)))
-    sections = [name for name in _CONFINEMENT if stored.mapping.get(name) is not None]
-    found += [(name.capitalize(), plain(stored.mapping[name])) for name in sections]
+    found.append(("Confinement", _confinement(report)))
     found.append(("Versions", text(", ".join(f"{name} {number}" for name, number in report.versions.items()))))
     return facts(found)
+
+
+def _confinement(report: StoredReport) -> str:
+    """Return what held the process of a solution file, but for every single attempt."""
+    found = report.confinement
+    if found is None:
+        return "none: not a solution file"
+    held, not_held = ([name for name, is_so in found.held.items() if is_so is wanted] for wanted in (True, False))
+    parts = {"held": held, "not held": not_held, "limits": found.limits, "passed over": found.passed_over}
+    said = plain({name: part for name, part in parts.items() if part})
+    return f"{text(f'{found.sandbox} {found.version}')}{said}"
 
 
 def _checking(source: PageSource, films: int, verified: VerifyResult | None) -> str:
