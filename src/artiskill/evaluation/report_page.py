@@ -325,7 +325,8 @@ def _checking(source: PageSource, films: int, verified: VerifyResult | None) -> 
     """Return how the report is verified, and what that proves."""
     report = source.stored.report
     command = text(f"artiskill report verify {shlex.quote(str(source.stored.path))}")
-    said = f"For this page, {films} episodes were played again and came out as reported." if films else ""
+    count = "1 episode was" if films == 1 else f"{films} episodes were"
+    said = f"For this page, {count} played again and came out as reported." if films else ""
     if verified is not None:
         said = (
             f"For this page, all {verified.episodes:,} episodes ({verified.steps:,} steps) were played again and "
