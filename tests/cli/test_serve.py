@@ -58,6 +58,7 @@ def test_a_fault_is_one_line(url: str, capsys: Capture) -> None:
         (["evaluate", "--policy", "ws://localhost:1", *PLAYED], "no connection: Connection refused"),
         (["evaluate", "--policy", "ws://a:b@c", *PLAYED], "no passwords in addresses"),
         (["serve", "expert"], "expert needs the simulation itself, and a server only gets observations"),
+        (["serve", "pretrained", "--task", "PushChair", "--sandbox", "bubble"], "did you mean 'bubblewrap'?"),
         (["serve", "pretrained"], "give --task, PushChair say"),
         (["serve", "pretrained", "--task", "PushChair", "--port", "99999"], "a port must lie in"),
     ],

@@ -24,6 +24,10 @@ def add_commands(commands: Any) -> None:
     )
     add("--obs-mode", help="observation mode of a solution that declares none (default: state)")
     add("--control-mode", help="likewise its control mode (default: joint)")
+    confined = (
+        "how a solution file is confined, as of `artiskill evaluate`; none gives it a GPU (default: the best)"
+    )
+    add("--sandbox", metavar="NAME", help=confined)
     reach = "address to listen to; whoever reaches it can use the policy (default: this machine alone)"
     add("--host", default="127.0.0.1", help=reach)
     add("--port", type=int, default=8000, help="0 for any that is free (default: %(default)s)")
@@ -39,5 +43,6 @@ def _serve(arguments: argparse.Namespace) -> None:
         task=arguments.task,
         obs_mode=arguments.obs_mode,
         control_mode=arguments.control_mode,
+        sandbox=arguments.sandbox,
         on_event=lambda text: print(text, flush=True),
     )

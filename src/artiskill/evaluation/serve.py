@@ -30,6 +30,7 @@ from artiskill.evaluation.policies import (
     trained_task,
 )
 from artiskill.evaluation.remote import LOOPBACKS, as_remote
+from artiskill.evaluation.sandbox import SandboxConfig
 from artiskill.evaluation.solution import ObjectSolution
 
 LOOPBACK, PORT = LOOPBACKS[0], 8000
@@ -48,6 +49,7 @@ def serve(
     task: str | None = None,
     obs_mode: str | None = None,
     control_mode: str | None = None,
+    sandbox: str | None = None,
     on_event: Callable[[str], None] = print,
 ) -> None:
     """Serve a policy until Ctrl-C, for `artiskill evaluate --policy ws://host:port`.
@@ -60,6 +62,8 @@ def serve(
         task: of `pretrained`, and of other policies that do not say themselves what they are for.
         obs_mode: of a policy that declares none, by default `state`.
         control_mode: likewise, by default `joint`.
+        sandbox: one of `sandbox.SANDBOXES`, how a solution file is confined: `none` gives it a GPU; by default
+            the best that holds here.
         on_event: is told in one line when the server is ready, and of each connection's beginning, end and fault.
 
     Raises:
@@ -68,7 +72,7 @@ def serve(
         MissingExtraError: websockets or msgpack is not installed.
         KeyboardInterrupt: Ctrl-C, after all has ended.
     """
-    with PolicyServer(policy, port, host, task, obs_mode, control_mode, on_event) as server:
+    with PolicyServer(policy, port, host, task, obs_mode, control_mode, on_event, sandbox) as server:
         on_event(f"serving {policy} at {server.url}; Ctrl-C ends")
         if host not in LOOPBACKS:
             key = f"and has the key in {wire.API_KEY} " if os.environ.get(wire.API_KEY) else ""
@@ -92,10 +96,12 @@ class PolicyServer:
         obs_mode: str | None = None,
         control_mode: str | None = None,
         on_event: Callable[[str], None] = print,
+        sandbox: str | None = None,
     ) -> None:
         wire.import_msgpack()
+        self._sandbox = SandboxConfig(sandbox)
         self._policy, self._task = _checked(policy, task)
-        spec = inspect_policy(self._policy, self._task)
+        spec = inspect_policy(self._policy, self._task, sandbox=self._sandbox)
         self.obs_mode = _mode("obs_mode", obs_mode, spec.obs_mode, _DEFAULT_OBS_MODE, OBSERVATION_MODES)
         modes = self.obs_mode, _mode("control_mode", control_mode, spec.control_mode, JOINT, CONTROL_MODES)
         said = wire.metadata_of(self._task, *modes, spec.sampling, spec.observation_config)
@@ -138,7 +144,7 @@ class PolicyServer:
         who, calls = f"connection {number}", 0
         self._on_event(f"{who}: from {connection.remote_address[0]}")
         try:
-            actor = load_policy(self._policy, self._task)
+            actor = load_policy(self._policy, self._task, self._sandbox)
             assert isinstance(actor, SolutionActor)
             with self._lock:
                 self._open[connection] = actor
