@@ -2,6 +2,7 @@
 
 import io
 import socket
+import time
 from dataclasses import replace
 from typing import Any
 
@@ -189,6 +190,16 @@ def test_addresses_that_cannot_be_listened_to(server: Any) -> None:
         check_address("nowhere.invalid", 0)
     with pytest.raises(ConfigError, match=r"\[0, 65535\], not 70000"):
         check_address("127.0.0.1", 70000)
+
+
+def test_a_connection_without_a_request_is_no_error(server: Any, caplog: pytest.LogCaptureFixture) -> None:
+    with socket.create_connection(("127.0.0.1", server.get_port()), timeout=5) as browser:
+        browser.shutdown(socket.SHUT_WR)
+        browser.settimeout(5)
+        while browser.recv(1024):
+            pass
+    time.sleep(0.3)
+    assert not caplog.records
 
 
 def test_no_page_can_open_a_tunnel_and_nothing_is_printed(capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,6 +5,7 @@ Here is the server that pages are served by.
 
 import contextlib
 import io
+import logging
 import socket
 from collections.abc import Iterator
 from typing import Any
@@ -42,6 +43,8 @@ def serving(host: str = LOOPBACK, port: int = PORT) -> Iterator[Any]:
     """
     viser = import_viser()
     check_address(host, port)
+    # browsers open connections that they may not need; when one is closed, that is no error for the terminal
+    logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
     with contextlib.redirect_stdout(io.StringIO()):  # it greets
         server = viser.ViserServer(host=host, port=port, label="ArtiSkill", verbose=False)
     server.request_share_url = lambda verbose=True: None  # no page shall ask for a tunnel to the world
