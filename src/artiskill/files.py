@@ -7,13 +7,16 @@ an error of its own kind, with the file's name.
 
 import errno
 import fcntl
+import glob
 import hashlib
 import io
 import json
 import os
 import re
 import secrets
+import shutil
 import stat
+import tempfile
 import zipfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -383,3 +386,37 @@ def _flock(handle: int) -> None:
     except OSError as error:
         if error.errno not in _NO_LOCKS:
             raise
+
+
+def temporary_folder(prefix: str) -> tuple[str, int]:
+    """Make a temporary folder and lock it; remove those of processes that were killed, which nobody locks.
+
+    Args:
+        prefix: of its name, and of theirs.
+
+    Returns:
+        Its path, and the handle of the lock, to be closed when it is removed; -1 where there are no locks.
+    """
+    pattern = os.path.join(glob.escape(tempfile.gettempdir()), prefix + "?" * 8)
+    for old in glob.glob(pattern):
+        with suppress(OSError):
+            os.close(_locked(old))
+            shutil.rmtree(old, ignore_errors=True)
+    while True:
+        folder = tempfile.mkdtemp(prefix=prefix)
+        try:
+            return folder, _locked(folder)
+        except (BlockingIOError, FileNotFoundError):  # another process takes it for one that was left
+            continue
+        except OSError:  # there are no locks
+            return folder, -1
+
+
+def _locked(folder: str) -> int:
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(handle)
+        raise
+    return handle

@@ -185,8 +185,13 @@ def test_output_ends_somewhere(solution: Write, capfd: pytest.CaptureFixture[str
 def test_nothing_is_left_behind(solution: Write) -> None:
     found = FileSolution(solution(STILL))
     folder = found._process._sandboxed.folder
+    left = os.path.join(os.path.dirname(folder), "artiskill-leftover"[:18])
+    os.makedirs(left, exist_ok=True)  # of an evaluator that was killed
+    other = FileSolution(solution(STILL))
     assert os.path.exists(folder)
-    found.close()
+    assert not os.path.exists(left)
+    for one in (found, other):
+        one.close()
     assert not os.path.exists(folder)
 
 

@@ -26,7 +26,7 @@ from artiskill.config import check_positive
 from artiskill.errors import ConfigError, UnknownNameError
 from artiskill.evaluation import sandbox_process, solution_process
 from artiskill.evaluation.sandbox_process import FILES, MEMORY, NETWORK, OPEN, PRIVILEGES, PROCESSES
-from artiskill.files import parse_json
+from artiskill.files import parse_json, temporary_folder
 
 BUBBLEWRAP, LANDLOCK, LIMITS, NONE = "bubblewrap", "landlock", "limits", "none"
 SANDBOXES = (BUBBLEWRAP, LANDLOCK, LIMITS, NONE)  # the best first
@@ -180,7 +180,7 @@ class SandboxedProcess:
     def __init__(self, file: Path, kind: str, config: SandboxConfig) -> None:
         place = _Place(os.path.realpath(file), kind, config)
         self._kind = kind
-        self.folder = tempfile.mkdtemp(prefix="artiskill-")
+        self.folder, self._lock = temporary_folder("artiskill-")
         self.channel, theirs = socket.socketpair()
         self._temporary = os.path.join(self.folder, "tmp")
         self._listeners = ExitStack()
@@ -200,7 +200,7 @@ class SandboxedProcess:
                 )
         except BaseException:
             self.channel.close()
-            shutil.rmtree(self.folder, ignore_errors=True)
+            self._remove_folder()
             raise
         assert self.process.stdin is not None
         assert self.process.stdout is not None
@@ -247,7 +247,13 @@ class SandboxedProcess:
         self.process.kill()
         self.process.wait()
         self._relay.join(_ENDING_S)  # what it has started may hold its output where nothing confines it
+        self._remove_folder()
+
+    def _remove_folder(self) -> None:
         shutil.rmtree(self.folder, ignore_errors=True)
+        if self._lock >= 0:
+            os.close(self._lock)
+            self._lock = -1
 
 
 class _Relay(threading.Thread):
