@@ -101,7 +101,7 @@ def drawn(page: Any) -> np.ndarray:
     if len(address) < 100:  # it has no size yet
         return np.zeros((1, 1, 3), int)
     with Image.open(io.BytesIO(base64.b64decode(address.split(",")[1]))) as image:
-        return np.asarray(image.convert("RGB").resize(SIZE)).astype(int)
+        return np.asarray(image.convert("RGB").resize(SIZE, Image.Resampling.NEAREST)).astype(int)
 
 
 def share_of(picture: np.ndarray, colour: tuple[int, int, int], within: int = 45) -> float:
@@ -136,7 +136,7 @@ def state_is(page: Any, pattern: str) -> None:
 
 def test_an_episode_is_drawn_stepped_and_played_to_its_end(view: Any, open_page: Any) -> None:
     page = open_page(view("--paused", "--object", "cabinet-0002", "--level", "3"))
-    first = until(page, lambda picture: share_of(picture, WHITE) > 0.005 and share_of(picture, ORANGE) > 1e-4)
+    first = until(page, lambda picture: share_of(picture, WHITE) > 0.005 and share_of(picture, ORANGE, 70) > 5e-5)
     state_is(page, "step 0 ")
     press(page, "step")
     press(page, "step")
