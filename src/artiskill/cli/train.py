@@ -49,7 +49,7 @@ def add_commands(commands: Any) -> None:
         help="small (default), small_transformer, kinematic (dagger's default), pointnet or pointnet_transformer",
     )
     add("--steps", type=int, help="gradient steps (default: 20000; dagger: 5200)")
-    rollouts = "dagger: learn on these (default: train, and 600 generated ones)"
+    rollouts = "dagger: learn on these (default: train, and hundreds of generated ones)"
     add("--objects", nargs="+", metavar="OBJECT", help=rollouts)
     add("--samples", type=int, help="dagger: steps of rollouts in all, and 7 passes over as many (default: 96000)")
     add("--batch-size", type=int, help="samples of a step (default: 128 for bc, else 64)")

@@ -54,7 +54,7 @@ _SHARES: Mapping[str, tuple[int, ...]] = {
 }
 _MOST_STEPS = 10**9
 _MOST_NAMED = 5  # differences
-_ROLLOUT_SEEDS = "0..599"
+_ROLLOUT_SEEDS = {"cabinet": "0..599", "chair": "0..199", "bucket": "0..199"}
 # what experts do otherwise when they teach, by category. How far a joint goes is not seen, so a student that stops
 # where the expert would may stop too early: it goes on, and the joint's limit stops it. And a student that has
 # rolled its hand the wrong way takes the grasp that is nearest then
@@ -209,7 +209,7 @@ def _fill_rollouts(values: dict[str, Any], task: str, category: str) -> None:
     """Fill in what depends on the task: objects, expert, shares of points, whether the world's origin matters."""
     algorithm, seen = values["algorithm"], values["network"]["input"]
     if algorithm["objects"] is None:
-        algorithm["objects"] = ("train", f"generated:{category}:{_ROLLOUT_SEEDS}")
+        algorithm["objects"] = ("train", f"generated:{category}:{_ROLLOUT_SEEDS[category]}")
     if algorithm["expert"] is None:
         algorithm["expert"] = dict(_TEACHING.get(category, {}))
     if algorithm["shares"] is None:
