@@ -234,7 +234,8 @@ def evaluation(folder: Path, policy: str, workers: int, *arguments: str) -> Iter
         "import os\nfrom pathlib import Path\ndef policy(observation):\n"
         f"    Path(__file__).with_name(f'acts-{{os.getpid()}}').touch()\n{policy}"
     )
-    arguments = ("--out", str(folder / "out"), "--workers", str(workers), *arguments)
+    # without confinement, for it writes a file where it is
+    arguments = ("--out", str(folder / "out"), "--workers", str(workers), "--sandbox", "none", *arguments)
     process = subprocess.Popen(
         [*COMMAND, "evaluate", "--policy", str(folder / "solution.py"), *arguments],
         stdout=subprocess.PIPE,

@@ -317,7 +317,7 @@ def contacts_of(scene: Scene, state: SimulationState) -> Contacts:
     forces, wrench = np.zeros((data.ncon, 3)), np.zeros(6)
     for number, frame in enumerate(data.contact.frame.reshape(-1, 3, 3)):
         mujoco.mj_contactForce(model, data, number, wrench)
-        forces[number] = wrench[:3] @ frame  # whose rows are the axes
+        forces[number] = rotate(frame.T, wrench[:3])  # the frame's rows are the axes
     bodies = model.geom_bodyid[data.contact.geom.reshape(-1, 2)]
     return Contacts(data.contact.pos.reshape(-1, 3).copy(), forces, bodies)
 
