@@ -163,7 +163,10 @@ ATTACKS = {
     ),
     "not a number": Attack("frame(b'a', struct.pack('13d', *[float('nan')] * 13))\ntime.sleep(9)", BROKEN),
     "another kind": Attack("frame(b'd', b'null')\ntime.sleep(9)", BROKEN + "it answers b'd'"),
-    "two answers": Attack("frame(b'a', action.tobytes())", BROKEN + "it talks "),
+    "two answers": Attack(  # at once: the second would else be the answer to the next question
+        "channel().sendall(2 * (struct.pack('=cI', b'a', action.nbytes) + action.tobytes()))\ntime.sleep(9)",
+        BROKEN + "it talks ",
+    ),
     "talks from a thread": Attack(
         "def talk():\n    while True:\n        frame(b'o', b'')\n"
         "threading.Thread(target=talk, daemon=True).start()\ntime.sleep(0.3)",
