@@ -7,7 +7,6 @@ trained on, or chosen by, test objects.
 """
 
 import argparse
-import csv
 import json
 import sys
 import time
@@ -19,7 +18,7 @@ from typing import Any
 
 from artiskill.config import to_mapping
 from artiskill.errors import ArtiSkillError, ConfigError
-from artiskill.files import atomic_write, parse_json, read_bytes, read_text
+from artiskill.files import atomic_write, parse_json, read_bytes
 from artiskill.jobs.parallel import available_cores
 from learning_tables.cells import (
     POINTS,
@@ -35,7 +34,7 @@ from learning_tables.cells import (
     place_of,
 )
 from learning_tables.estimates import Estimator
-from learning_tables.markdown import tables_text
+from learning_tables.markdown import tables_text, write_between, write_rows
 from learning_tables.queue import CommandError, Queue, locked
 from learning_tables.results import CSV_HEAD, csv_rows, read_results
 
@@ -250,24 +249,8 @@ def run_all(
 def write_tables(settings: Settings, options: argparse.Namespace) -> None:
     """Write the CSV file and what stands between the marks of the page, of all that is finished."""
     results = read_results(options.work, settings)
-    try:
-        text = read_text(options.page)
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"cannot read {str(options.page)!r}: {error}") from error
-    if BEGIN not in text or END not in text:
-        raise ConfigError(f"{str(options.page)!r} lacks the marks between which tables are written: {BEGIN} {END}")
-    with atomic_write(options.page) as path:
-        path.write_text(with_tables(text, tables_text(results, settings)), encoding="utf-8")
-    (options.page.parent / TABLE).parent.mkdir(exist_ok=True)
-    with atomic_write(options.page.parent / TABLE) as path, path.open("w", encoding="utf-8", newline="") as file:
-        csv.writer(file, lineterminator="\n").writerows([CSV_HEAD, *csv_rows(results, settings)])
-
-
-def with_tables(page: str, tables: str) -> str:
-    """Return the page with what stands between the two marks made anew."""
-    before, _, rest = page.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    return f"{before}{BEGIN}\n\n{tables}\n\n{END}{after}"
+    write_between(options.page, BEGIN, END, tables_text(results, settings))
+    write_rows(options.page.parent / TABLE, [CSV_HEAD, *csv_rows(results, settings)])
 
 
 if __name__ == "__main__":

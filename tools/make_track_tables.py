@@ -6,12 +6,10 @@ Everything is a command of `artiskill`, printed as it starts. Whatever ends this
 """
 
 import argparse
-import csv
 import os
 import shlex
 import subprocess
 import sys
-import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -20,10 +18,11 @@ from typing import NamedTuple
 import numpy as np
 
 from artiskill.errors import ArtiSkillError, ConfigError
-from artiskill.files import atomic_write, read_text
 from artiskill.gallery.facts import markdown
 from artiskill.jobs.parallel import available_cores
+from artiskill.learning.training_set import is_training_set
 from learning_tables.cells import TASKS
+from learning_tables.markdown import sum_of, write_between, write_rows
 from learning_tables.results import Measured, read_measured
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "learning.md"
@@ -109,13 +108,11 @@ def run_all(policies: Sequence[Policy], options: argparse.Namespace) -> bool:
 def run(policy: Policy, work: Path, stages: Sequence[str], environment: dict[str, str]) -> bool:
     """Train and measure a policy, as far as that is missing; return whether all commands succeeded."""
     folder = policy.folder(work)
-    trained = folder / "seconds.txt"
+    trained = folder / "trained"  # an empty file: nothing is measured before
     if TRAIN in stages and not trained.is_file():
-        start = time.perf_counter()
         if not call(train_command(policy, work), environment):
             return False
-        with atomic_write(trained) as path:
-            path.write_text(f"{time.perf_counter() - start:.0f}\n", encoding="utf-8")
+        trained.touch()
     if EVALUATE in stages and trained.is_file():
         for split, report in policy.reports(work).items():
             if not (report / "report.json").is_file() and not call(
@@ -139,7 +136,7 @@ def call(command: list[str], environment: "os._Environ[str] | dict[str, str]") -
 def data_commands(task: str, work: Path, workers: int) -> list[list[str]]:
     """Return the commands that make a task's training set; both end at once where it is there."""
     demos, data = str(work / "demos" / task), str(work / "sets" / task)
-    if Path(data, "manifest.json").is_file():
+    if is_training_set(Path(data)):
         return []
     common = ["--workers", str(workers)]
     return [
@@ -195,10 +192,7 @@ def _cell(seeds: Sequence[Measured]) -> str:
     if not seeds:
         return "missing"
     rates = [one.rate for one in seeds]
-    total = seeds[0]
-    for one in seeds[1:]:
-        total += one
-    low, high = total.objects_interval
+    low, high = sum_of(seeds).objects_interval
     spread = f" ± {np.std(rates, ddof=1):.1%}" if len(rates) > 1 else ""
     return f"{np.mean(rates):.1%}{spread} ({low:.0%} to {high:.0%}), {len(rates)} seed{'s' * (len(rates) > 1)}"
 
@@ -218,22 +212,9 @@ def write_table(work: Path, page: Path) -> None:
     Raises:
         ConfigError: the page cannot be read, or lacks the marks.
     """
-    try:
-        text = read_text(page)
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"cannot read {str(page)!r}: {error}") from error
-    if BEGIN not in text or END not in text:
-        raise ConfigError(f"{str(page)!r} lacks the marks between which the table is written: {BEGIN} {END}")
     found = read_all(work)
-    head, rest = text.split(BEGIN, 1)
-    with atomic_write(page) as path:
-        path.write_text(f"{head}{BEGIN}\n{table_text(found)}\n{END}{rest.split(END, 1)[1]}", encoding="utf-8")
-    table = page.parent / TABLE
-    table.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_write(table) as path, path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(CSV_HEAD)
-        writer.writerows(csv_rows(found))
+    write_between(page, BEGIN, END, table_text(found))
+    write_rows(page.parent / TABLE, [CSV_HEAD, *csv_rows(found)])
 
 
 if __name__ == "__main__":

@@ -1,11 +1,15 @@
-"""The tables as Markdown, for docs/learning.md."""
+"""The tables as Markdown, for docs/learning.md, and how they get there."""
 
+import csv
 import functools
 import operator
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 import numpy as np
 
+from artiskill.errors import ConfigError
+from artiskill.files import atomic_write, read_text
 from artiskill.gallery.facts import markdown
 from learning_tables.cells import METHODS, POINTS, TASKS, A, B, Method, Settings
 from learning_tables.results import PAPER_A, PAPER_B, PAPER_STEPS, Measured, Result
@@ -52,7 +56,7 @@ def tasks_table(results: Sequence[Result]) -> str:
         for method in METHODS:
             found = _chosen(results, B, method, task)
             tests = [one.measured["test"] for one in found]
-            objects = _range(_sum(tests).objects_interval) if tests else MISSING
+            objects = _range(sum_of(tests).objects_interval) if tests else MISSING
             paper = " / ".join(f"{rate:.0%}" for rate in PAPER_B[method][number]) if method in PAPER_B else ""
             texts = [_rate(found, "train"), _rate(found, "test"), objects, paper]
             rows.append([task, *_names(method), *texts, *_training(found)])
@@ -111,7 +115,8 @@ def _names(method: Method, source: str = "") -> list[str]:
     return [f"{source}: {network}" if source else network, ALGORITHMS[method.algorithm]]
 
 
-def _sum(measured: Sequence[Measured]) -> Measured:
+def sum_of(measured: Sequence[Measured]) -> Measured:
+    """Return the episodes of several policies together."""
     return functools.reduce(operator.add, measured)
 
 
@@ -120,7 +125,7 @@ def _rate(found: Sequence[Result], split: str) -> str:
     if not found:
         return MISSING
     measured = [one.measured[split] for one in found]
-    total = _sum(measured)
+    total = sum_of(measured)
     text = f"{total.rate:.0%} ({_range(total.interval)})"
     if len(measured) == 1:
         return text
@@ -141,3 +146,28 @@ def _training(found: Sequence[Result]) -> list[str]:
     ]
     machines = sorted({one.trained["machine"] for one in found})
     return [" to ".join(dict.fromkeys(minutes)), ", ".join(machines)]
+
+
+def write_between(page: Path, begin: str, end: str, made: str) -> None:
+    """Write what stands between the two marks of a page anew.
+
+    Raises:
+        ConfigError: the page cannot be read, or lacks a mark.
+    """
+    try:
+        text = read_text(page)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"cannot read {str(page)!r}: {error}") from error
+    if begin not in text or end not in text:
+        raise ConfigError(f"{str(page)!r} lacks the marks between which tables are written: {begin} {end}")
+    before, _, rest = text.partition(begin)
+    _, _, after = rest.partition(end)
+    with atomic_write(page) as path:
+        path.write_text(f"{before}{begin}\n\n{made}\n\n{end}{after}", encoding="utf-8")
+
+
+def write_rows(path: Path, rows: Iterable[Sequence[str]]) -> None:
+    """Write a CSV file, and its folder if there is none."""
+    path.parent.mkdir(exist_ok=True)
+    with atomic_write(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows(rows)
