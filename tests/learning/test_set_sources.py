@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from artiskill.demos.demos import PACK, load_demo_pack
-from artiskill.demos.training_file import Sampling
+from artiskill.demos.training_file import Sampling, make_sampling
 from artiskill.envs.wrappers import PointCloudDownsample
 from artiskill.errors import ArtiSkillError, ConfigError, DemoError
 from artiskill.learning.building import build_training_set
@@ -60,6 +60,13 @@ def test_files_of_another_kind(options: dict[str, Any], message: str, tmp_path: 
     files = write_files(tmp_path / "files")
     with pytest.raises(ArtiSkillError, match=message):
         find_source(files, SetOptions(num_points=4, **options))
+
+
+def test_number_of_points_without_one_given(tmp_path: Path) -> None:
+    files = write_files(tmp_path / "files")  # of 4 points
+    found = find_source(files, SetOptions())
+    assert (found.num_points, found.options.num_points) == (4, 4)
+    assert find_source(CHAIRS, SetOptions()).settings.sampling == make_sampling(256, "maniskill", "world")
 
 
 def test_training_files_of_another_mode(tmp_path: Path) -> None:

@@ -42,7 +42,7 @@ def add_commands(commands: Any) -> None:
     data = "training set, training files with point clouds, or demonstrations; not for dagger"
     add("--data", type=Path, metavar="FOLDER", help=data)
     add("--out", type=Path, required=True, metavar="FOLDER", help="folder of the run")
-    add("--points", type=int, help="points of a cloud (default: 256, or those of the training set; dagger: 128)")
+    add("--points", type=int, help="points of a cloud (default: 256, or the data's; dagger: 128)")
     add("--frame", help="frame of the points: world, robot or end_effector (default: the data's, else world)")
     add(
         "--network",

@@ -28,7 +28,7 @@ def add_commands(commands: Any) -> None:
     add = parser.add_argument
     add("source", type=Path, metavar="SOURCE", help="folder of training files (pointcloud), or of demonstrations")
     add("--out", type=Path, required=True, metavar="FOLDER", help="folder of the set")
-    add("--points", type=int, default=256, help="number of points of a cloud (default: %(default)s)")
+    add("--points", type=int, help="number of points of a cloud (default: 256, or all where files have fewer)")
     add("--objects", nargs="+", metavar="OBJECT", help="ids of objects (default: all)")
     add("--count", type=int, help="number of successes per object, evenly of its targets (default: all)")
     replaying = "of demonstrations, which are replayed"

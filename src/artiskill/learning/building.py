@@ -135,7 +135,7 @@ class _Builder:
         self._folder, self._origin = folder, origin
         self._work = folder / _UNFINISHED
         self._training = TrainingFiles(files)
-        self._thinner = Thinner(self._training.settings.sampling, origin.options.num_points)
+        self._thinner = Thinner(self._training.settings.sampling, origin.num_points)
         self._sizes: Sizes | None = None
         self._frames = self._count = 0  # frames and steps that are written
         self._steps: list[np.ndarray] = []

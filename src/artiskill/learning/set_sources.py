@@ -7,7 +7,7 @@ sample than of the cloud.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from artiskill.tasks.levels import RngStream, level_generator
 from artiskill.versions import versions
 
 _MOST_NAMED = 3  # differences
+_POINTS = 256  # of a cloud, where no number is given
 _SHARES = ("masked_points", "points_per_mask")  # settings that are numbers of points
 OnProgress = Callable[[str, int, int], None]  # what is done, how many trajectories of how many
 
@@ -40,7 +41,7 @@ class SetOptions:
     control mode, `maniskill` and `world`.
     """
 
-    num_points: int = 256  # of a cloud
+    num_points: int | None = None  # of a cloud; None for 256, or all where training files have fewer
     objects: tuple[str, ...] | None = None  # only these; None for all
     count: int | None = None  # successes of each object, evenly of its targets; None for all
     control_mode: str | None = None
@@ -48,7 +49,8 @@ class SetOptions:
     frame: str | None = None  # of the points
 
     def __post_init__(self) -> None:
-        check(self.num_points >= 1, f"the number of points must be at least 1, not {self.num_points}")
+        points = self.num_points
+        check(points is None or points >= 1, f"the number of points must be at least 1, not {points}")
         check(self.count is None or self.count >= 1, f"the count must be at least 1, not {self.count}")
 
 
@@ -58,6 +60,7 @@ class SetSource:
 
     folder: Path
     options: SetOptions
+    num_points: int  # of a cloud
     settings: ReplaySettings  # of the training files
     sources: dict[str, str]  # SHA-256 by name of file
     is_demos: bool
@@ -132,12 +135,13 @@ def find_source(folder: Path, options: SetOptions) -> SetSource:
 def _source_of_demos(folder: Path, options: SetOptions) -> SetSource:
     demos = Demos(folder)
     source = demos.manifest.settings
+    num_points = options.num_points or _POINTS
     settings = ReplaySettings(
         source=source,
         obs_mode="pointcloud",
         control_mode=options.control_mode or source.control_mode,
         way=SIMULATE,
-        sampling=make_sampling(options.num_points, options.method or "maniskill", options.frame or "world"),
+        sampling=make_sampling(num_points, options.method or "maniskill", options.frame or "world"),
         seen={},
         count=options.count,
         keep_failures=False,
@@ -145,7 +149,7 @@ def _source_of_demos(folder: Path, options: SetOptions) -> SetSource:
         versions=versions(),
     )
     sources = {name: entry.sha256 for name, entry, _ in select(demos, options.objects)}
-    return SetSource(folder, options, settings, sources, True)
+    return SetSource(folder, replace(options, num_points=num_points), num_points, settings, sources, True)
 
 
 def _source_of_training_files(folder: Path, options: SetOptions) -> SetSource:
@@ -169,7 +173,9 @@ def _source_of_training_files(folder: Path, options: SetOptions) -> SetSource:
     for name in options.objects or ():
         check_name("object", name, entries, f"(of {str(folder)!r})")
     chosen = entries if options.objects is None else options.objects
-    return SetSource(folder, options, settings, dict(sorted(entries[name] for name in chosen)), False)
+    num_points = options.num_points or (_POINTS if sampling is None else min(_POINTS, sampling.num_points))
+    options, sources = replace(options, num_points=num_points), dict(sorted(entries[name] for name in chosen))
+    return SetSource(folder, options, num_points, settings, sources, False)
 
 
 def thinned_sampling(sampling: Sampling | None, num_points: int) -> Sampling:

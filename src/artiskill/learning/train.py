@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
@@ -29,7 +29,7 @@ class TrainData:
 
     Attributes:
         path: of a training set, of training files with point clouds, or of demonstrations.
-        num_points: of a cloud; None for 256, or those of the training set.
+        num_points: of a cloud; None for those of the training set, else 256, or all where files have fewer.
         frame: of the points; None for `world`, or that of the training files or set.
         workers: processes that replay demonstrations.
     """
@@ -205,7 +205,5 @@ def _make_set(config: TrainConfig, data: TrainData, folder: Path, on_set: OnSet 
             f"{str(data.path)!r} is no training set, and making one needs {error.name}, which is not installed "
             "here: make the set on another machine and copy it"
         ) from error
-    options = SetOptions(frame=data.frame)
-    if data.num_points is not None:
-        options = replace(options, num_points=data.num_points)
+    options = SetOptions(num_points=data.num_points, frame=data.frame)
     return build_training_set(data.path, folder / SET, options, config.task, data.workers, on_set)
