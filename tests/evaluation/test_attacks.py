@@ -358,6 +358,78 @@ ATTACKS = {
         SAME,
         CONFINED,
     ),
+    "complains with a nest": Attack("frame(b'f', b'[' * 90_000)\ntime.sleep(9)", BROKEN + "its complaint makes"),
+    "signals by the socket": Attack(  # the kernel sends what a descriptor's owner is told
+        "import fcntl\n"
+        "for command, target in ((8, known.EVALUATOR), (8, -1), (15, bytes(8)), (10, 9), (1024, 0), (1026, 1)):\n"
+        "    must_fail(fcntl.fcntl, int(sys.argv[1]), command, target)\n"
+        "for command in (0x8901, 0x8902):\n"
+        "    must_fail(fcntl.ioctl, int(sys.argv[1]), command, struct.pack('i', known.EVALUATOR))",
+        SAME,
+        CONFINED,
+    ),
+    "memory by /dev/zero": Attack(
+        "def reserve():\n    with open('/dev/zero', 'r+b', 0) as zero:\n"
+        "        return mmap.mmap(zero.fileno(), 10**10)\nmust_fail(reserve)",
+        SAME,
+        CONFINED,
+    ),
+    "memory by a stack": Attack("must_fail(lambda: mmap.mmap(-1, 10**10, flags=0x122))", SAME, CONFINED),
+    "memory by many sockets": Attack(
+        "import resource\nsoft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)\nassert hard <= 4096, hard",
+        SAME,
+        LIMITED,
+    ),
+    "a high exit status": Attack("os._exit(255)", ENDED + r"\(exit status 255\)"),
+    "a descriptor of the parent": Attack(  # SO_PEERPIDFD of Linux 6.5 needs no `pidfd_open`
+        "try:\n    found = channel().getsockopt(socket.SOL_SOCKET, 77)\nexcept OSError:\n    found = -1\n"
+        "must_fail(call, libc.syscall, 424, found, 9, None, 0)\n"
+        "must_fail(call, libc.syscall, 438, found, 0, 0)\nmust_fail(call, libc.setns, found, 0)",
+        SAME,
+        CONFINED,
+    ),
+    "the parent by its links": Attack(
+        "for name in ('exe', 'cwd', 'root', 'fd/0', 'fd/1', 'ns/net', 'task/%d/fd/0' % known.EVALUATOR):\n"
+        "    must_fail(os.readlink, f'/proc/{known.EVALUATOR}/{name}')",
+        SAME,
+        CONFINED,
+    ),
+    "links beside it": Attack(
+        "for name in ('report', 'caches', 'everything'):\n"
+        "    link = os.path.join(os.path.dirname(__file__), name)\n    assert os.path.islink(link)\n"
+        "    must_fail(open, link if name == 'report' else os.path.join(link, 'kernel'))\n"
+        "must_fail(open, os.path.dirname(__file__) + '/everything' + known.OTHER)",
+        SAME,
+        CONFINED,
+    ),
+    "the machine's settings": Attack(
+        "for path in ('/proc/sys/kernel/core_pattern', '/proc/sysrq-trigger', '/proc/sys/kernel/pid_max',\n"
+        "             '/sys/devices/system/cpu/cpu1/online', '/dev/kmsg', '/proc/kcore'):\n"
+        "    must_fail(open, path, 'r+')",
+        SAME,
+        CONFINED,
+    ),
+    "clocks": Attack(
+        "must_fail(time.clock_settime, time.CLOCK_REALTIME, 0.0)\n"
+        "time.time = time.monotonic = time.perf_counter = lambda: 0.0",
+        SAME,
+        CONFINED,
+    ),
+    "alarms": Attack(
+        "signal.signal(signal.SIGALRM, lambda *a: None)\nsignal.setitimer(signal.ITIMER_REAL, 0.001, 0.001)"
+    ),
+    "bits of numbers": Attack(  # a signalling NaN, as the first of the numbers
+        "frame(b'a', struct.pack('Q', 0x7FF0000000000001) + bytes(96))\ntime.sleep(9)", BROKEN
+    ),
+    "answers another question": Attack(
+        "frame(b'o', b'')\ntime.sleep(9)", BROKEN + "it answers b'o', not b'a'"
+    ),
+    "kept with locks": Attack(
+        "import fcntl\nheld = open(__file__)\nfcntl.flock(held, fcntl.LOCK_EX)\n"
+        "must_fail(fcntl.fcntl, held.fileno(), 1024, 0)\nself.held = held",
+        SAME,
+        CONFINED,
+    ),
 }
 
 
@@ -418,6 +490,8 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
         known |= {"EVALUATOR": os.getpid(), "PORT": tcp.getsockname()[1]}
         lines = [f"{name} = {value!r}\n" for name, value in known.items()]
         solution.with_name("known.py").write_text("".join(lines))
+        for name, target in (("report", report), ("caches", cache.parent), ("everything", Path("/"))):
+            solution.with_name(name).symlink_to(target)
         yield World(tmp_path, solution, report)
 
 
@@ -473,7 +547,7 @@ def names_of(kinds: tuple[str, ...], takes_long: bool = False) -> list[str]:
 
 
 def test_there_are_enough_of_them() -> None:
-    assert len(ATTACKS) >= 60
+    assert len(ATTACKS) >= 85
 
 
 @cases(CONFINED, names_of(CONFINED))

@@ -9,6 +9,7 @@ import os
 import re
 import secrets
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -42,12 +43,13 @@ _SIGNAL = 128  # bwrap adds it to the number of a signal
 
 _BUBBLEWRAP = (
     *("bwrap", "--unshare-all", "--cap-drop", "ALL", "--die-with-parent", "--new-session"),
-    *("--proc", "/proc", "--dev", "/dev"),
+    *("--proc", "/proc", "--remount-ro", "/proc"),  # root could else write to /proc/sys, without any capability
+    *("--dev", "/dev", "--ro-bind", "/dev/null", "/dev/zero"),  # that one: see `_DEVICES`
 )
 _SYSTEM = ("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32", "/sys/devices/system/cpu")
 _SYSTEM_FILES = ("/etc/ld.so.cache", "/etc/ld.so.conf", "/etc/ld.so.conf.d", "/etc/localtime", "/etc/alternatives")
 _PROC_FILES = ("/proc/self", "/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/proc/driver/nvidia")
-_DEVICES = ("/dev/null", "/dev/zero", "/dev/full", "/dev/random", "/dev/urandom")
+_DEVICES = ("/dev/null", "/dev/full", "/dev/random", "/dev/urandom")  # /dev/zero is memory that no limit counts
 _GPUS = ("/dev/nvidia*", "/dev/kfd", "/dev/dri", "/dev/dxg")
 _GPU_FOLDERS = ("/sys/bus", "/sys/class", "/sys/devices")
 _KEPT_VARIABLES = re.compile(
@@ -233,7 +235,8 @@ class SandboxedProcess:
             subprocess.TimeoutExpired: it has not ended within the limit.
         """
         code = self.process.wait(limit_s)
-        return _SIGNAL - code if self._kind == BUBBLEWRAP and code > _SIGNAL else code
+        is_signal = self._kind == BUBBLEWRAP and code - _SIGNAL in signal.valid_signals()
+        return _SIGNAL - code if is_signal else code
 
     def last_words(self) -> str:
         """Return the last line that it printed, when it has ended."""
@@ -423,6 +426,8 @@ def _cut(root: str, hidden: Iterable[str]) -> tuple[list[str], list[str]]:
         return [], []
     read, names = [], [root]
     for entry in os.scandir(root):
+        if entry.is_symlink():  # leave to follow it would be leave for what it leads to
+            continue
         found, listed = _cut(entry.path, inside)
         read += found
         names += listed

@@ -23,6 +23,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 NETWORK, FILES, MEMORY, PROCESSES, PRIVILEGES = "network", "files", "memory", "processes", "privileges"
+_MOST_DESCRIPTORS = 4096  # each may hold memory of the kernel
 OPEN = "possible"  # of what a confined process should not be able to do
 
 _PR_SET_SECCOMP, _PR_SET_NO_NEW_PRIVS, _PR_GET_NO_NEW_PRIVS, _SECCOMP_MODE_FILTER = 22, 38, 39, 2
@@ -38,7 +39,8 @@ _AUDIT_ARCH = {"x86_64": 0xC000003E, "aarch64": 0xC00000B7}
 _X32 = 0x40000000  # numbers from here on are those of the x32 interface
 # system call -> its number on x86-64, and on ARM; None where there is none
 _CALLS: Mapping[str, tuple[int | None, int | None]] = {
-    "clone": (56, 220), "clone3": (435, 435), "mmap": (9, 222), "socketpair": (53, 199),
+    "clone": (56, 220), "clone3": (435, 435), "mmap": (9, 222), "socketpair": (53, 199), "fcntl": (72, 25),
+    "ioctl": (16, 29),
     "kill": (62, 129), "tgkill": (234, 131), "prlimit64": (302, 261), "setpriority": (141, 140),
     "sched_setaffinity": (203, 122), "sched_setparam": (142, 118), "sched_setscheduler": (144, 119),
     "sched_setattr": (314, 274), "socket": (41, 198), "connect": (42, 203), "bind": (49, 200),
@@ -59,7 +61,6 @@ _CALLS: Mapping[str, tuple[int | None, int | None]] = {
     "setsid": (112, 157), "setpgid": (109, 154), "inotify_init": (253, None), "inotify_init1": (294, 26),
     "fanotify_init": (300, 262),
 }  # fmt: skip
-_CHECKED = ("clone", "clone3", "mmap", "socketpair")
 _OF_OWN_PROCESS = (
     *("kill", "tgkill", "prlimit64"),
     *("sched_setaffinity", "sched_setparam", "sched_setscheduler", "sched_setattr"),
@@ -67,7 +68,10 @@ _OF_OWN_PROCESS = (
 _LOAD, _EQUAL, _AT_LEAST, _ANY_BIT, _AND, _RETURN = 0x20, 0x15, 0x35, 0x45, 0x54, 0x06  # of the filter's machine
 _NUMBER, _ARCH, _ARGUMENTS = 0, 4, 16  # offsets in what a filter sees
 _ALLOW, _FAIL = 0x7FFF0000, 0x00050000
-_CLONE_THREAD, _SHARED_ANONYMOUS, _STREAM, _TYPE_BITS = 0x10000, 0x21, 1, 0xF
+_CLONE_THREAD, _SHARED_ANONYMOUS, _GROWS_DOWN, _STREAM, _TYPE_BITS = 0x10000, 0x21, 0x100, 1, 0xF
+# whom the kernel signals of a descriptor, and with what; leases and watches: F_SETOWN, F_SETSIG, F_SETOWN_EX,
+# F_SETLEASE, F_NOTIFY, and a second way to the first of them: FIOSETOWN, SIOCSPGRP
+_FCNTL_REFUSED, _IOCTL_REFUSED = (8, 10, 15, 1024, 1026), (0x8901, 0x8902)
 
 
 def main(handle: int) -> None:
@@ -124,6 +128,7 @@ def _set_limits(memory: int, file_size: int) -> None:
         (resource.RLIMIT_DATA, memory),
         (resource.RLIMIT_FSIZE, file_size),
         (resource.RLIMIT_CORE, 0),
+        (resource.RLIMIT_NOFILE, _MOST_DESCRIPTORS),
     ):
         hard = resource.getrlimit(kind)[1]
         most = most if hard == resource.RLIM_INFINITY else min(most, hard)
@@ -218,10 +223,13 @@ def _filter_program(machine: str, pid: int) -> list[tuple[int, int, int, int]]:
         "clone3": [
             (_RETURN, 0, 0, _FAIL | errno.ENOSYS)
         ],  # its flags cannot be seen; C libraries then use `clone`
-        "mmap": [
-            *(_load(3), (_AND, 0, 0, _SHARED_ANONYMOUS), (_EQUAL, 0, 1, _SHARED_ANONYMOUS)),
+        "mmap": [  # memory that `RLIMIT_DATA` does not count
+            *(_load(3), (_ANY_BIT, 2, 0, _GROWS_DOWN)),
+            *((_AND, 0, 0, _SHARED_ANONYMOUS), (_EQUAL, 0, 1, _SHARED_ANONYMOUS)),
             *((_RETURN, 0, 0, _FAIL | errno.ENOMEM), ignore),
         ],
+        "fcntl": _refuse_any(_FCNTL_REFUSED),
+        "ioctl": _refuse_any(_IOCTL_REFUSED),
         "socketpair": [_load(1), (_AND, 0, 0, _TYPE_BITS), (_EQUAL, 1, 0, _STREAM), refuse, ignore],
     }
     for name in _OF_OWN_PROCESS:
@@ -235,6 +243,12 @@ def _filter_program(machine: str, pid: int) -> list[tuple[int, int, int, int]]:
         block = special.get(name, [refuse])
         steps += [] if number is None else [(_EQUAL, 0, len(block), number), *block]
     return [*steps, ignore]
+
+
+def _refuse_any(commands: Sequence[int]) -> list[tuple[int, int, int, int]]:
+    """Return the steps that refuse some values of a call's second argument."""
+    tests = [(_EQUAL, len(commands) - k, 0, command) for k, command in enumerate(commands)]
+    return [_load(1), *tests, (_RETURN, 0, 0, _ALLOW), (_RETURN, 0, 0, _FAIL | errno.EPERM)]
 
 
 def _load(argument: int) -> tuple[int, int, int, int]:
@@ -267,6 +281,7 @@ def look_around(spec: Mapping[str, Any]) -> dict[str, dict[str, str]]:
             "read a file of the evaluator": lambda: _open(spec["secret"], os.O_RDONLY),
             "write to a file of the evaluator": lambda: _open(spec["secret"], os.O_WRONLY),
             "write to the solution file": lambda: _open(spec["own"], os.O_WRONLY),
+            "change the machine's settings": lambda: _open("/proc/sys/kernel/core_pattern", os.O_WRONLY),
             "open the evaluator's memory": lambda: _open_memory(spec["evaluator"], spec["is_namespace"]),
         },
         MEMORY: {"reserve more than the limit": lambda: _reserve(spec["memory"])},
