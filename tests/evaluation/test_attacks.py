@@ -421,9 +421,7 @@ ATTACKS = {
     "bits of numbers": Attack(  # a signalling NaN, as the first of the numbers
         "frame(b'a', struct.pack('Q', 0x7FF0000000000001) + bytes(96))\ntime.sleep(9)", BROKEN
     ),
-    "answers another question": Attack(
-        "frame(b'o', b'')\ntime.sleep(9)", BROKEN + "it answers b'o', not b'a'"
-    ),
+    "answers another question": Attack("frame(b'o', b'')\ntime.sleep(9)", BROKEN + "it answers b'o', not b'a'"),
     "kept with locks": Attack(
         "import fcntl\nheld = open(__file__)\nfcntl.flock(held, fcntl.LOCK_EX)\n"
         "must_fail(fcntl.fcntl, held.fileno(), 1024, 0)\nself.held = held",

@@ -2,6 +2,7 @@
 
 import json
 import math
+import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -254,6 +255,12 @@ def test_other_actions_are_found(folder: Path, tmp_path: Path) -> None:
 def test_actions_that_are_none(folder: Path, tmp_path: Path, content: bytes) -> None:
     (copied(folder, tmp_path) / ACTIONS_FILE).write_bytes(content)
     assert "the actions cannot be played" in faults(tmp_path)
+
+
+def test_actions_with_something_else_beside_them(folder: Path, tmp_path: Path) -> None:
+    with zipfile.ZipFile(copied(folder, tmp_path) / ACTIONS_FILE, "a") as archive:
+        archive.writestr("weights.npy", b"anything")
+    assert "the actions cannot be played: its arrays do not fit together" in faults(tmp_path)
 
 
 @pytest.mark.parametrize(
