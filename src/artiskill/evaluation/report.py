@@ -255,12 +255,12 @@ def unpack_actions(file: bytes) -> list[np.ndarray]:
     try:
         check_archive(content, _MOST_ACTION_BYTES)
         with np.load(content, allow_pickle=False) as arrays:
-            is_whole = sorted(arrays.files) == ["lengths", "planes"]
-            lengths, planes = arrays["lengths"], arrays["planes"]
+            names, lengths, planes = sorted(arrays.files), arrays["lengths"], arrays["planes"]
     except _DAMAGED as error:
         raise ValueError(f"it is damaged ({type(error).__name__})") from error
     is_ours = lengths.dtype == "<i4" and lengths.ndim == 1 and planes.dtype == np.uint8 and planes.ndim == 3
-    if not is_whole or not is_ours or planes.shape[1] not in (4, 8) or (lengths < 0).any() or lengths.sum() != planes.shape[2]:
+    is_ours = is_ours and names == ["lengths", "planes"] and planes.shape[1] in (4, 8)
+    if not is_ours or (lengths < 0).any() or lengths.sum() != planes.shape[2]:
         raise ValueError("its arrays do not fit together")
     numbers = np.ascontiguousarray(planes.transpose(2, 0, 1)).view(f"<f{planes.shape[1]}")[..., 0].astype("<f8")
     if not (np.abs(numbers) <= 1.0).all():
