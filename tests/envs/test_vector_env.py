@@ -1,6 +1,7 @@
 """The vector environment's own matters; that it does what single ones do is in the contract."""
 
 import dataclasses
+import pickle
 from typing import Any
 
 import gymnasium as gym
@@ -272,3 +273,24 @@ def test_without_automatic_resets_an_ended_episode_must_be_reset() -> None:
         env.step(zeros(env))
     env.reset(options={"reset_mask": np.array([True, True])})
     env.step(zeros(env))
+
+
+def test_success_ends_an_episode_unless_told_otherwise() -> None:
+    """Here every state counts as solved."""
+    success = {"near_m": 9.0, "max_tilt_rad": 3.0, "max_speed_m_s": 99.0, "max_angular_speed_rad_s": 99.0}
+    easy = {"success": {**success, "hold_s": 0.0}, "episode_steps": 2}
+    for ends in (True, False):
+        given: Any = {"objects": "train", "config": easy, "terminate_on_success": ends}
+        env = ManipulationVectorEnv(2, "PushChair", **given)
+        for one in (env, ManipulationEnv("PushChair", **given), pickle.loads(pickle.dumps(env))):
+            one.reset(seed=0)
+            action = np.zeros(one.action_space.shape, np.float32)
+            for step in (1, 2):
+                _, _, terminated, truncated, info = one.step(action)
+                assert np.all(info["success"])
+                assert np.all(terminated) == ends
+                assert np.all(truncated) == (not ends and step == 2)
+                if ends:
+                    break
+    with pytest.raises(ConfigError, match="terminate_on_success"):
+        ManipulationEnv(terminate_on_success="no")  # type: ignore[arg-type]

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from artiskill.cli.parser import UsageError, add_command, add_set, add_workers, overrides_of, workers_of
 from artiskill.cli.progress import PhaseBars, ProgressBar
+from artiskill.errors import MissingExtraError
 
 if TYPE_CHECKING:  # imports that `artiskill --help` must not wait for
+    from artiskill.learning.reinforcement_config import ReinforcementConfig
     from artiskill.learning.run import RunInfo
     from artiskill.learning.train import RolloutData, TrainData
     from artiskill.learning.train_config import TrainConfig
@@ -24,12 +26,15 @@ _EPILOG = """examples:
   artiskill train td3bc --task OpenCabinetDrawer --data training/drawers --out runs/drawer-td3bc \\
       --network pointnet_transformer --steps 150000 --precision bfloat16 --set algorithm.alpha=0.2
   artiskill train dagger --task OpenCabinetDrawer --out runs/drawer-dagger
+  artiskill train sac --task OpenCabinetDrawer --objects cabinet-0003 --target link_0 --out runs/one-drawer
   torchrun --nproc-per-node 2 -m artiskill train bc ...     # with several GPUs
 
 The same command goes on where a run was stopped; with schedule=constant and more --steps beyond its end.
 docs/training_runs.md describes data, runs and values."""
-_ALGORITHMS = "bc, bcq or td3bc, from demonstrations; dagger, from an expert that says what to do"
+_ALGORITHMS = "bc, bcq or td3bc, from demonstrations; dagger, from an expert; sac or ppo, from rewards"
 
+# options that reinforcement learning does not have
+_NOT_REINFORCEMENT = ("data", "points", "frame", "network", "samples", "precision", "dev_objects")
 _PASSES = 7  # of gradient steps over the steps of rollouts
 
 
@@ -48,27 +53,41 @@ def add_commands(commands: Any) -> None:
         "--network",
         help="small (default), small_transformer, kinematic (dagger's default), pointnet or pointnet_transformer",
     )
-    add("--steps", type=int, help="gradient steps (default: 20000; dagger: 5200)")
-    rollouts = "dagger: learn on these (default: train, and hundreds of generated ones)"
+    add(
+        "--steps",
+        type=int,
+        help="gradient steps (default: 20000; dagger: 5200), or of environments (sac: 800000, ppo: 2000000)",
+    )
+    rollouts = "dagger, sac, ppo: learn on these (default: train; dagger: and hundreds of generated ones)"
     add("--objects", nargs="+", metavar="OBJECT", help=rollouts)
+    add("--target", metavar="LINK", help="sac, ppo: open only this one (default: each episode draws one)")
+    add("--envs", type=int, help="sac, ppo: environments side by side (default: 16)")
     add("--samples", type=int, help="dagger: steps of rollouts in all, and 7 passes over as many (default: 96000)")
     add("--batch-size", type=int, help="samples of a step (default: 128 for bc, else 64)")
     add("--seed", type=int, help="of weights, batches and noise (default: 0)")
     add("--device", default="auto", help="auto, cpu or cuda (default: %(default)s)")
     add("--precision", help="float32 or bfloat16 (default: float32)")
-    add("--threads", type=int, help="threads of the CPU, in each process (default: one per core)")
+    add("--threads", type=int, help="threads of the CPU, in each process (default: one per core; sac, ppo: 1)")
     objects = "measure success on these during training: generated:CATEGORY:SEEDS, ids, splits; none for never"
     add("--dev-objects", nargs="+", metavar="OBJECT", help=objects)
-    add("--dev-episodes", type=int, help="episodes on each of them (default: 2)")
-    add("--dev-every", type=int, metavar="STEPS", help="steps from one measurement to the next (default: 2000)")
+    add("--dev-episodes", type=int, help="episodes on each of them (default: 2; sac, ppo: 20 in all)")
+    add(
+        "--dev-every",
+        type=int,
+        metavar="STEPS",
+        help="steps from one measurement to the next (default: 2000; sac, ppo: 50000)",
+    )
     add_set(parser, "change values, see config.yaml of a run")
     add_workers(parser)
 
 
 def _run_train(arguments: argparse.Namespace) -> None:
-    from artiskill.learning.run import check_torch
+    from artiskill.learning.run import FROM_STATE, check_torch
 
     check_torch("training")
+    if arguments.algorithm in FROM_STATE:
+        _run_reinforcement(arguments)
+        return
     from artiskill.learning.train import train
     from artiskill.learning.train_config import load_train_config
 
@@ -97,6 +116,52 @@ def _run_train(arguments: argparse.Namespace) -> None:
         _print_end(trainer, arguments.out)
 
 
+def _run_reinforcement(arguments: argparse.Namespace) -> None:
+    """Train by reinforcement learning, in the task's environments."""
+    from artiskill.learning.reinforcement_config import load_reinforcement_config
+
+    for name in _NOT_REINFORCEMENT:
+        if getattr(arguments, name) is not None:
+            raise UsageError(f"--{name.replace('_', '-')} is not for {arguments.algorithm}")
+    given = {
+        "objects": arguments.objects,
+        "target": arguments.target,
+        "steps": arguments.steps,
+        "envs": arguments.envs,
+        "seed": arguments.seed,
+        "evaluation.episodes": arguments.dev_episodes,
+        "evaluation.every": arguments.dev_every,
+        "algorithm.batch_size": arguments.batch_size,
+    }
+    own = {key: value for key, value in given.items() if value is not None}
+    config = load_reinforcement_config(arguments.algorithm, arguments.task, own | overrides_of(arguments.set))
+    try:
+        from artiskill.learning.reinforcement import reinforce
+    except ImportError as error:
+        if (error.name or "").partition(".")[0] != "stable_baselines3":
+            raise
+        raise MissingExtraError(f"training by {arguments.algorithm}", "rl") from error
+    screen = _Screen(config)
+    try:
+        with screen.bars:
+            run = reinforce(
+                config,
+                arguments.out,
+                1 if arguments.threads is None else arguments.threads,
+                screen.show_lines,
+                screen.begin,
+                screen.show_step,
+            )
+    except KeyboardInterrupt as interrupt:
+        command = shlex.join(["artiskill", *sys.argv[1:]])
+        raise KeyboardInterrupt(f"{interrupt or 'interrupted'}; go on with: {command}") from interrupt
+    state, episodes = run.state, config.evaluation.episodes
+    print(f"trained: {arguments.out}, {state.step} steps in {state.seconds:.0f} s")
+    print(f"best: step {state.best_step}, {state.best_successes} of {episodes} episodes on new levels solved")
+    named = " ".join(config.objects) + (f" --target {config.target}" if config.target else "")
+    print(f"measure it: artiskill evaluate --policy {arguments.out} --objects {named}")
+
+
 def _data(arguments: argparse.Namespace, screen: "_Screen") -> "TrainData | RolloutData":
     """Return what the run learns from: demonstrations, or rollouts.
 
@@ -106,6 +171,9 @@ def _data(arguments: argparse.Namespace, screen: "_Screen") -> "TrainData | Roll
     from artiskill.learning.train import RolloutData, TrainData
     from artiskill.learning.train_config import INTERACTIVE
 
+    for name in ("target", "envs"):
+        if getattr(arguments, name) is not None:
+            raise UsageError(f"--{name} is for sac and ppo, not for {arguments.algorithm}")
     if arguments.algorithm not in INTERACTIVE:
         if arguments.data is None:
             raise UsageError(f"{arguments.algorithm} learns from demonstrations: --data is needed")
@@ -175,7 +243,7 @@ def _development(config: "TrainConfig", workers: int) -> "Callable[[RunInfo], De
 class _Screen:
     """What a person sees of a run: first lines, progress of a training set, progress of training."""
 
-    def __init__(self, config: "TrainConfig") -> None:
+    def __init__(self, config: "TrainConfig | ReinforcementConfig") -> None:
         self._config = config
         self.bars = PhaseBars()
         self._bar: ProgressBar | None = None  # of training

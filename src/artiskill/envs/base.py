@@ -13,6 +13,7 @@ import gymnasium as gym
 
 from artiskill.envs.control import Control
 from artiskill.envs.core import Episodes, MakeObserver, ObservationBuffers
+from artiskill.envs.options import check_flag
 from artiskill.envs.rendering import WorldViews
 from artiskill.envs.sampling import EpisodeSampler, ObjectChoice
 from artiskill.envs.state import EnvState, restore_episodes, save_all
@@ -40,6 +41,7 @@ class EnvBase:
         control_mode: str,
         choices: Sequence[ObjectChoice],
         target: str | None,
+        terminate_on_success: bool,
         num_envs: int = 1,
     ) -> None:
         """Make the task and its episodes; `choices` is of every environment, or one that all share."""
@@ -48,7 +50,8 @@ class EnvBase:
         self.control = Control(self.task.robot, control_mode)
         samplers = [EpisodeSampler(self.task, choice, target) for choice in choices]
         samplers *= num_envs // len(samplers)
-        self._episodes = Episodes(self.task, self.control, samplers, self.num_threads)
+        ends = check_flag("terminate_on_success", terminate_on_success)
+        self._episodes = Episodes(self.task, self.control, samplers, self.num_threads, ends)
         self._views = WorldViews()
 
     def observe_with(self, make_observer: MakeObserver) -> None:
@@ -90,6 +93,7 @@ class EnvBase:
             "control_mode": self.control.mode,
             "render_mode": self.render_mode,
             "config": self._config,
+            "terminate_on_success": self._episodes.end_at_success,
         }
 
     def _save_episodes(self) -> dict[str, Any]:

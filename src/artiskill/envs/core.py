@@ -37,8 +37,10 @@ class Episodes:
         control: what actions mean.
         samplers: what draws each environment's objects.
         num_threads: threads that step.
+        end_at_success: whether an episode is over once it is solved.
 
     Attributes:
+        end_at_success: whether an episode is over once it is solved.
         samplers: of each environment.
         group: the batches that environments are in.
         levels: (B,) int64.
@@ -50,8 +52,16 @@ class Episodes:
         terms: name -> (B,) unweighted reward terms after the last step.
     """
 
-    def __init__(self, task: Task, control: Control, samplers: Sequence[EpisodeSampler], num_threads: int) -> None:
+    def __init__(
+        self,
+        task: Task,
+        control: Control,
+        samplers: Sequence[EpisodeSampler],
+        num_threads: int,
+        end_at_success: bool = True,
+    ) -> None:
         self.task, self.control, self.samplers = task, control, list(samplers)
+        self.end_at_success = end_at_success
         self.count = len(samplers)
         self.group = BatchGroup(self.count, num_threads)
         self.levels = np.zeros(self.count, dtype=np.int64)
@@ -195,11 +205,12 @@ class Episodes:
         """Return rewards, terminations and truncations of a step, (B,) each; 0 and False where episodes rest."""
         success = np.asarray(self.counted.all(axis=1))
         rewards = self._dense_rewards() if is_dense else success.astype(np.float64)
-        truncated = (self.elapsed >= self.task.episode_steps) & ~success
+        terminated = success if self.end_at_success else np.zeros_like(success)
+        truncated = (self.elapsed >= self.task.episode_steps) & ~terminated
         if resting is not None:
             rewards[resting] = 0.0
-            return rewards, success & ~resting, truncated & ~resting
-        return rewards, success, truncated
+            return rewards, terminated & ~resting, truncated & ~resting
+        return rewards, terminated, truncated
 
     def _dense_rewards(self) -> np.ndarray:
         if self.count == 1:  # a number takes a fraction of the time of an array of one, and has the same bits

@@ -60,7 +60,8 @@ class ManipulationEnv(EnvBase, gym.Env[Any, np.ndarray]):
 
     A *level* is the integer that determines everything about an episode. `reset(seed=s)` starts level s; `reset()`
     draws the next level; `reset(options={"level": ..., "object": ..., "target": ...})` is explicit. An episode
-    is `terminated` when the task is solved and `truncated` after `task.episode_steps` steps.
+    is `terminated` when the task is solved and `truncated` after `task.episode_steps` steps. With
+    `terminate_on_success=False`, which suits reinforcement learning, it goes on to those steps in any case.
 
     `info` has `object`, `level`, `target`, `success`, `flags` (condition -> has it held for half a second by now)
     and `reward_terms`; in visual modes also `cameras`, their intrinsics and extrinsics. To branch an episode use
@@ -75,6 +76,7 @@ class ManipulationEnv(EnvBase, gym.Env[Any, np.ndarray]):
         control_mode: `joint` or `operational_space`.
         render_mode: None, `rgb_array`, or `human`: a window, drawn at every `reset` and `step`, in real time.
         config: values of the task's YAML to change, `{"episode_steps": 100}`; keys may be dotted.
+        terminate_on_success: whether an episode is over once it is solved.
 
     Raises:
         UnknownNameError: an unknown task, object, split, mode or target link.
@@ -94,11 +96,12 @@ class ManipulationEnv(EnvBase, gym.Env[Any, np.ndarray]):
         control_mode: str = JOINT,
         render_mode: str | None = None,
         config: Mapping[str, Any] | None = None,
+        terminate_on_success: bool = True,
     ) -> None:
         already = frozenset(vars(self))
         check_modes(obs_mode, reward_mode, control_mode, render_mode)
         self.obs_mode, self.reward_mode, self.render_mode = obs_mode, reward_mode, render_mode
-        self._make_episodes(task, config, control_mode, [objects], target)
+        self._make_episodes(task, config, control_mode, [objects], target, terminate_on_success)
         self.action_space = self.control.space
         self.observe_with(OBSERVERS[obs_mode])
         fps = self.metadata["render_fps"]

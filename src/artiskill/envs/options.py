@@ -40,6 +40,17 @@ def check_modes(
         check_name("render mode", render, legal_render)
 
 
+def check_flag(name: str, given: object) -> bool:
+    """Return what is True or False.
+
+    Raises:
+        ConfigError: it is neither.
+    """
+    if not isinstance(given, bool | np.bool_):
+        raise ConfigError(f"{name} must be True or False, not {shown(given)}")
+    return bool(given)
+
+
 def checked_options(given: object, legal: tuple[str, ...]) -> dict[str, Any]:
     """Return the options of a `reset` as a new dictionary.
 

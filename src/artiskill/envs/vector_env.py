@@ -56,7 +56,8 @@ class ManipulationVectorEnv(EnvBase, gym.vector.VectorEnv[Any, Any, Any]):
 
     Args:
         num_envs: B.
-        task, objects, target, obs_mode, reward_mode, control_mode, config: as of `ManipulationEnv`.
+        task, objects, target, obs_mode, reward_mode, control_mode, config, terminate_on_success: as of
+            `ManipulationEnv`.
         render_mode: None or `rgb_array`; a window is for single environments.
         env_objects: what each environment draws from, if not all from the same: B choices.
         num_threads: threads that step and draw; None for one per core, but no more than B.
@@ -86,6 +87,7 @@ class ManipulationVectorEnv(EnvBase, gym.vector.VectorEnv[Any, Any, Any]):
         num_threads: int | None = None,
         copy: bool = True,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        terminate_on_success: bool = True,
     ) -> None:
         already = frozenset(vars(self))
         check_modes(obs_mode, reward_mode, control_mode, render_mode, VECTOR_RENDER_MODES)
@@ -96,7 +98,7 @@ class ManipulationVectorEnv(EnvBase, gym.vector.VectorEnv[Any, Any, Any]):
         self.autoreset_mode = as_autoreset_mode(autoreset_mode)
         self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
         choices = [objects] if env_objects is None else per_env("env_objects", env_objects, num_envs)
-        self._make_episodes(task, config, control_mode, choices, target, num_envs)
+        self._make_episodes(task, config, control_mode, choices, target, terminate_on_success, num_envs)
         self.single_action_space = self.control.space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._done, self._all = np.zeros(num_envs, dtype=bool), np.ones(num_envs, dtype=bool)

@@ -84,7 +84,7 @@ def save_checkpoint(path: Path, state: TrainState, algorithm: Algorithm, average
         "average": None if average is None else average.state_dict(),
         "optimizers": {name: optimizer.state_dict() for name, optimizer in algorithm.optimizers.items()},
     }
-    _write(path, content)
+    write_content(path, content)
 
 
 def save_weights(path: Path, state: TrainState, algorithm: Algorithm) -> None:
@@ -93,7 +93,7 @@ def save_weights(path: Path, state: TrainState, algorithm: Algorithm) -> None:
     Raises:
         OSError: it cannot be written; an earlier one is as it was.
     """
-    _write(path, {"state": dict(vars(state)), "weights": algorithm.state_dict(), "average": None})
+    write_content(path, {"state": dict(vars(state)), "weights": algorithm.state_dict(), "average": None})
 
 
 def load_checkpoint(path: Path, algorithm: Algorithm, average: Algorithm | None) -> TrainState:
@@ -102,7 +102,7 @@ def load_checkpoint(path: Path, algorithm: Algorithm, average: Algorithm | None)
     Raises:
         RunError: it is damaged, of another version or of other networks.
     """
-    content = _read(path)
+    content = read_content(path)
     try:
         algorithm.load_state_dict(content["weights"])
         if average is not None:
@@ -120,20 +120,30 @@ def load_weights(path: Path, algorithm: Algorithm) -> None:
     Raises:
         RunError: it is damaged, of another version or of other networks.
     """
-    content = _read(path)
+    content = read_content(path)
     try:
         algorithm.load_state_dict(content["average"] or content["weights"])
     except (RuntimeError, LookupError, TypeError) as error:
         raise RunError(f"{str(path)!r} does not fit the run: {' '.join(str(error).split())}") from error
 
 
-def _write(path: Path, content: dict[str, Any]) -> None:
+def write_content(path: Path, content: dict[str, Any]) -> None:
+    """Write tensors and plain values, whole or not at all.
+
+    Raises:
+        OSError: they cannot be written; an earlier file is as it was.
+    """
     memory = io.BytesIO()  # torch hides the system's errors when it writes to a file
     torch.save({"format": _FORMAT, "version": _VERSION, **content}, memory)
     write_whole(path, memory.getvalue())
 
 
-def _read(path: Path) -> dict[str, Any]:
+def read_content(path: Path) -> dict[str, Any]:
+    """Return what `write_content` has written.
+
+    Raises:
+        RunError: it is damaged, foreign or of another version.
+    """
     try:
         content = torch.load(io.BytesIO(read_bytes(path)), map_location="cpu", weights_only=True)
     except OSError as error:

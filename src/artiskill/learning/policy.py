@@ -2,17 +2,19 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import torch
 
-from artiskill.errors import ConfigError, RunError
+from artiskill.errors import ConfigError, PolicyError, RunError
 from artiskill.learning.algorithm import Algorithm
 from artiskill.learning.array_policy import Header, check_policy_path, make_actor, write_policy
 from artiskill.learning.batch import Observation
-from artiskill.learning.checkpoints import load_weights, make_algorithm
+from artiskill.learning.checkpoints import load_weights, make_algorithm, read_content
+from artiskill.learning.reinforcement_config import REINFORCEMENT
 from artiskill.learning.run import RunInfo, read_info, run_folder, weights_file
 from artiskill.learning.train_config import TrainConfig, read_train_config
 
@@ -59,6 +61,69 @@ class RunPolicy:
         return found if self._actor is None else self._actor.action(arrays.agent[0], found)
 
 
+class StatePolicy:
+    """What a run of reinforcement learning has learned: it sees the state, and acts without noise.
+
+    Args:
+        run: the run's folder, whose best checkpoint acts, else its latest; or one of its checkpoints.
+
+    Attributes:
+        obs_mode, control_mode: as evaluation asks of a policy.
+
+    Raises:
+        PolicyError: there is no checkpoint.
+        RunError: the run is damaged or of another version.
+    """
+
+    obs_mode = "state"
+    control_mode = "joint"
+
+    def __init__(self, run: Path | str) -> None:
+        path = weights_file(run)
+        try:
+            self._take(read_content(path)["acting"])
+        except (LookupError, TypeError, AttributeError) as error:
+            raise RunError(f"{str(path)!r} does not fit the run: {error}") from error
+
+    @classmethod
+    def of(cls, acting: Mapping[str, Any]) -> Self:
+        """Return the policy of weights, as a checkpoint has them."""
+        made = cls.__new__(cls)
+        made._take(acting)
+        return made
+
+    def _take(self, acting: Mapping[str, Any]) -> None:
+        self._layers = list(zip(acting["weights"], acting["biases"], strict=True))
+        self._activation = {"relu": torch.relu, "tanh": torch.tanh}[acting["activation"]]
+        self._squash = {"tanh": torch.tanh, "clip": partial(torch.clip, min=-1.0, max=1.0)}[acting["squash"]]
+        self._mean, self._std, self._clip = acting["mean"], acting["std"], float(acting["clip"])
+
+    def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
+        """Begin an episode: there is nothing to remember."""
+
+    def act(self, observation: Any) -> np.ndarray:
+        """Return the action, (A,) float32 in [-1, 1], of an observation of mode `state`.
+
+        Raises:
+            ConfigError: an observation of another size.
+        """
+        given = np.asarray(observation)
+        if given.shape != self._mean.shape:
+            raise ConfigError(f"the policy learned from states {tuple(self._mean.shape)}, not {given.shape}")
+        return self.act_all(given[None])[0]
+
+    def act_all(self, observations: np.ndarray) -> np.ndarray:
+        """Return the actions (B, A) of observations (B, D)."""
+        with one_thread(), torch.inference_mode():
+            values = ((torch.from_numpy(observations) - self._mean) / self._std).clip(-self._clip, self._clip)
+            values = values.float()
+            for weight, bias in self._layers[:-1]:
+                values = self._activation(values @ weight.T + bias)
+            weight, bias = self._layers[-1]
+            found: np.ndarray = self._squash(values @ weight.T + bias).numpy()
+        return found
+
+
 def load_trained(run: Path | str) -> tuple[RunInfo, TrainConfig, Algorithm]:
     """Return what a run says of itself, its values, and its algorithm with the weights to act by, on the CPU.
 
@@ -70,7 +135,10 @@ def load_trained(run: Path | str) -> tuple[RunInfo, TrainConfig, Algorithm]:
         RunError: the run is damaged or of another version.
     """
     weights, folder = weights_file(run), run_folder(run)
-    info, config = read_info(folder), read_train_config(folder)
+    info = read_info(folder)
+    if info.algorithm in REINFORCEMENT:
+        raise PolicyError(f"{str(folder)!r} learned from the state; only policies of point clouds are exported")
+    config = read_train_config(folder)
     try:
         algorithm = make_algorithm(config, info)
     except (ConfigError, TypeError, LookupError) as error:

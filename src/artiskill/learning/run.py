@@ -10,6 +10,7 @@
 | `checkpoints/latest.pt` | everything that going on needs |
 | `checkpoints/best.pt` | weights of the highest success on development objects |
 | `set/` | the training set, if it was made here |
+| `checkpoints/going-on-<step>.pkl` | of `sac` and `ppo`: replay buffer, environments and generators |
 | `rounds/`, `rounds.csv` | rollouts, and what came of them |
 """
 
@@ -33,6 +34,7 @@ FORMAT, VERSION = "artiskill-run", 1
 CONFIG, INFO, METRICS, DEVELOPMENT = "config.yaml", "run.json", "metrics.csv", "development.csv"
 TENSORBOARD, SET = "tensorboard", "set"
 LATEST, BEST = Path("checkpoints/latest.pt"), Path("checkpoints/best.pt")
+FROM_STATE = ("sac", "ppo")  # algorithms of reinforcement learning, whose policies see the state
 KEPT = "what was saved before is kept: the same command goes on from there"
 
 
@@ -139,7 +141,7 @@ def weights_digest(run: Path | str) -> str:
 
 
 def load_run(run: Path | str) -> Any:
-    """Return the policy of a run, which acts by torch; see `artiskill.learning.policy.RunPolicy`.
+    """Return the policy of a run, which acts by torch; see `artiskill.learning.policy`.
 
     Raises:
         PolicyError: there is no run, or it is damaged or of another version.
@@ -148,7 +150,8 @@ def load_run(run: Path | str) -> Any:
     weights_file(run)
     check_torch("a trained policy")
     try:
-        return import_module("artiskill.learning.policy").RunPolicy(run)
+        kind = "StatePolicy" if read_info(run_folder(run)).algorithm in FROM_STATE else "RunPolicy"
+        return getattr(import_module("artiskill.learning.policy"), kind)(run)
     except RunError as error:
         raise PolicyError(str(error)) from error
 

@@ -26,7 +26,7 @@ from artiskill.config import (
 )
 from artiskill.errors import ConfigError, RunError, check_name
 from artiskill.learning.network_config import KINEMATIC, NETWORKS, NetworkConfig, load_network_config
-from artiskill.learning.run import CONFIG
+from artiskill.learning.run import CONFIG, FROM_STATE
 from artiskill.tasks.levels import check_level
 from artiskill.tasks.registry import task_spec
 
@@ -142,7 +142,7 @@ def load_train_config(
         UnknownNameError: no such algorithm, task or network.
         ConfigError: an unknown key or an illegal value.
     """
-    check_name("algorithm", name, ALGORITHMS)
+    check_name("algorithm", name, (*ALGORITHMS, *FROM_STATE))
     network = network or (KINEMATIC if name in INTERACTIVE else NETWORKS[0])
     check_name("network", network, (*NETWORKS, *[KINEMATIC] * (name in INTERACTIVE)))
     spec = task_spec(task)

@@ -1,0 +1,442 @@
+"""`reinforce`: a run of reinforcement learning from its first step to its last, or on from where it was stopped.
+
+Stable-Baselines3 has the algorithms. What is ours: the environments, evaluation on new levels, and checkpoints
+from which a run goes on with the same bits. A checkpoint is two files: `latest.pt`, weights and optimizers, and
+beside it `going-on-<step>.pkl`: the replay buffer, the environments and the generators. The second is written
+first; the first names the step, so that a run that is killed in between goes on from the checkpoint before.
+"""
+
+import hashlib
+import io
+import pickle
+import random
+import time
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import torch
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecNormalize
+
+from artiskill.assets.catalog import checked_hash, object_id_of, resolve_objects
+from artiskill.config import dump_yaml
+from artiskill.envs.stable_baselines import as_sb3
+from artiskill.envs.vector_env import ManipulationVectorEnv
+from artiskill.errors import ConfigError, RunError
+from artiskill.files import LOCK_FILE, lock_folder, output_path, read_bytes
+from artiskill.learning.checkpoints import Records, TrainState, read_content, write_content
+from artiskill.learning.policy import StatePolicy
+from artiskill.learning.reinforcement_config import ReinforcementConfig, read_reinforcement_config
+from artiskill.learning.run import BEST, CONFIG, INFO, KEPT, LATEST, RunInfo, read_info, write_info, write_whole
+from artiskill.learning.stopping import StopSignal
+from artiskill.versions import versions
+
+OnStep = Callable[[int, str], None]  # steps so far, and the latest numbers as text
+
+_CHECKPOINT_S = 300.0  # besides those every so many steps: what a crash may cost
+_CLIP = 10.0  # of normalised observations
+_BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
+_COUNTERS = (
+    "num_timesteps",
+    "_n_updates",
+    "_episode_num",
+    "_last_obs",
+    "_last_original_obs",
+    "_last_episode_starts",
+)
+
+
+def reinforce(
+    config: ReinforcementConfig,
+    folder: Path | str,
+    threads: int = 1,
+    on_lines: Callable[[list[str]], None] = lambda lines: None,
+    on_start: Callable[[int], None] = lambda step: None,
+    on_step: OnStep = lambda step, text: None,
+) -> "Run":
+    """Train, or go on with a run of the same values.
+
+    Args:
+        config: see `load_reinforcement_config`.
+        folder: of the run.
+        threads: of the CPU; more help hardly, as networks are small.
+        on_lines: called with lines that say what will be trained.
+        on_start: called with the number of steps that were taken before.
+        on_step: called now and then.
+
+    Returns:
+        The run, at its end.
+
+    Raises:
+        RunError: the folder holds a run of other values or objects, or something else, or is damaged; the disk is
+            full.
+        ConfigError: an illegal value, or another process trains in the folder.
+        UnknownNameError, AssetError: objects that do not exist, or that cannot be used.
+        KeyboardInterrupt: a signal came; a checkpoint was saved.
+    """
+    folder = output_path(folder)
+    if isinstance(threads, bool) or not isinstance(threads, int) or threads < 1:
+        raise ConfigError(f"threads must be a whole number of at least 1, not {threads!r}")
+    torch.set_num_threads(threads)
+    with lock_folder(folder, "training run"):
+        try:
+            info = _prepare(config, folder)
+            run = Run(config, info, folder, threads)
+            on_lines(run.lines)
+            on_start(run.state.step)
+            run.train(on_step)
+        except OSError as error:
+            raise RunError(f"cannot write to {str(folder)!r}: {error.strerror or error}; {KEPT}") from error
+    return run
+
+
+def _prepare(config: ReinforcementConfig, folder: Path) -> RunInfo:
+    """Write what the run's folder says of itself, or compare it with what is asked for."""
+    objects = resolve_objects(list(config.objects), task=config.task)
+    hashes = " ".join(checked_hash(one) for one in objects)
+    info = RunInfo(
+        task=config.task,
+        algorithm=config.name,
+        control_mode="joint",
+        sampling={},
+        sizes={},
+        statistics={},
+        overrides={},
+        data=hashlib.sha256(hashes.encode()).hexdigest(),
+        objects=[object_id_of(one) for one in objects],
+        steps=config.steps,
+        versions=versions() | {"torch": version("torch"), "stable_baselines3": version("stable_baselines3")},
+    )
+    is_new = not (folder / INFO).exists()
+    if is_new:
+        others = sorted({path.name for path in folder.iterdir()} - {LOCK_FILE, CONFIG})
+        if others:
+            raise RunError(f"{str(folder)!r} holds no training run, but {others[0]!r}; choose another folder")
+    else:
+        found = read_info(folder)
+        if found.algorithm != config.name:
+            raise RunError(f"{str(folder)!r} holds a run of {found.algorithm}, not of {config.name}")
+        read_reinforcement_config(folder).check_continues(config, folder)
+        if found.data != info.data:
+            raise RunError(f"{str(folder)!r} holds a run on other objects; choose another folder")
+        info = found
+    write_whole(folder / CONFIG, dump_yaml(config).encode())
+    if is_new:  # last: from now on the folder holds a run
+        write_info(info, folder)
+    return info
+
+
+class _Scaled(gym.vector.VectorWrapper[Any, Any, Any, Any, Any]):
+    """Scales rewards, and measures how long the environments take."""
+
+    def __init__(self, env: ManipulationVectorEnv, scale: float) -> None:
+        super().__init__(env)
+        self._scale, self.seconds = scale, 0.0
+
+    def step(self, actions: Any) -> Any:
+        start = time.perf_counter()
+        observations, rewards, terminated, truncated, infos = self.env.step(actions)
+        self.seconds += time.perf_counter() - start
+        return observations, rewards * self._scale, terminated, truncated, infos
+
+
+class Run:
+    """A run that trains, from its latest checkpoint if it has one.
+
+    Args:
+        config: resolved.
+        info: of the run.
+        folder: of the run; locked by the caller.
+        threads: of the CPU.
+
+    Attributes:
+        state: where the run stands.
+        model: Stable-Baselines3's.
+        seconds: name -> spent by this process in `simulate`, `update` and `total`, without evaluation and saving.
+
+    Raises:
+        RunError: the checkpoint is damaged.
+    """
+
+    def __init__(self, config: ReinforcementConfig, info: RunInfo, folder: Path, threads: int) -> None:
+        self.config, self.info, self._folder, self._threads = config, info, folder, threads
+        self.state, self._stop = TrainState(), StopSignal()
+        self.seconds = dict.fromkeys(("simulate", "update", "total"), 0.0)
+        saved = self._read() if (folder / LATEST).is_file() else None
+        env = self._make_env(config.envs, False) if saved is None else saved["env"]
+        self._scaled = _Scaled(env, config.reward_scale)
+        self._normal = VecNormalize(
+            as_sb3(self._scaled), norm_obs=config.normalise, norm_reward=False, clip_obs=_CLIP
+        )
+        self.model = self._make_model()
+        if saved is not None:
+            try:
+                self._restore(saved)
+            except (RuntimeError, LookupError, TypeError, ValueError) as error:
+                raise RunError(f"{str(folder / LATEST)!r} does not fit the run: {error}") from error
+        self._saved_at, self._saved_step = time.perf_counter(), self.state.step
+
+    @property
+    def lines(self) -> list[str]:
+        """What will be trained."""
+        config, measured = self.config, self.config.evaluation
+        objects = self.info.objects
+        named = f"{len(objects)} objects" if len(objects) > 1 else objects[0]
+        target = f", {config.target}" if config.target else ""
+        parameters = sum(one.numel() for one in self.model.policy.parameters())
+        return [
+            f"{config.name}, {config.task}: {named}{target}, from the state",
+            f"{config.envs} environments, {config.steps} steps; {parameters} parameters",
+            f"success in {measured.episodes} episodes on new levels every {measured.every} steps chooses the "
+            "checkpoint",
+        ]
+
+    def _make_env(self, count: int, is_evaluation: bool) -> ManipulationVectorEnv:
+        ends = is_evaluation or self.config.terminate_on_success
+        return ManipulationVectorEnv(
+            count,
+            self.config.task,
+            list(self.config.objects),
+            target=self.config.target,
+            num_threads=min(self._threads, count),
+            autoreset_mode="same_step",
+            terminate_on_success=ends,
+        )
+
+    def _make_model(self) -> Any:
+        values = dict(vars(self.config.values))
+        policy = {"net_arch": list(values.pop("net_arch"))}
+        if "log_std_init" in values:
+            policy["log_std_init"] = values.pop("log_std_init")
+        kind = {"sac": SAC, "ppo": PPO}[self.config.name]
+        return kind("MlpPolicy", self._normal, policy_kwargs=policy, seed=self.config.seed, device="cpu", **values)
+
+    # -- the loop ------------------------------------------------------------------------------------------------
+
+    def train(self, on_step: OnStep = lambda step, text: None) -> None:
+        """Train until the configuration's number of steps.
+
+        Raises:
+            OSError: a file cannot be written.
+            KeyboardInterrupt: a signal came; a checkpoint was saved.
+        """
+        with self._stop, Records(self._folder, self.state, True) as records:
+            loop = _Loop(self, records, on_step)
+            if self.state.step < self.config.steps:
+                loop.begin()
+                self.model.learn(
+                    self.config.steps - self.state.step, loop, log_interval=None, reset_num_timesteps=False
+                )
+                loop.end_iteration()
+            if self.state.developed < self.state.step:
+                self.develop(records)
+            if self._saved_step != self.state.step:
+                self.save()
+
+    def develop(self, records: Records) -> None:
+        """Measure success on new levels; the best weights so far are kept."""
+        found = self.evaluate()
+        successes = sum(row[2] for row in found)
+        self.state.developed = self.state.step
+        if successes >= self.state.best_successes:  # of equal ones the latest
+            self.state.best_step, self.state.best_successes = self.state.step, successes
+            write_content(self._folder / BEST, {"state": dict(vars(self.state)), "acting": self.acting})
+        records.add_development(self.state, found)
+        self.save()
+
+    def evaluate(self) -> list[tuple[str, int, int]]:
+        """Return a row of object, episodes and successes each, of deterministic actions on new levels."""
+        wanted, policy = self.config.evaluation, StatePolicy.of(self.acting)
+        env = self._make_env(wanted.episodes, True)
+        objects = [self.info.objects[i % len(self.info.objects)] for i in range(wanted.episodes)]
+        levels = list(range(wanted.first_level, wanted.first_level + wanted.episodes))
+        given = resolve_objects(list(self.config.objects), task=self.config.task)
+        found = dict(zip(self.info.objects, given, strict=True))
+        observations, _ = env.reset(options={"level": levels, "object": [found[name] for name in objects]})
+        over, solved = np.zeros(len(levels), dtype=bool), np.zeros(len(levels), dtype=bool)
+        while not over.all():
+            observations, _, terminated, truncated, _ = env.step(policy.act_all(observations))
+            solved |= terminated & ~over
+            over |= terminated | truncated
+            self._stop.check()
+        env.close()
+        return [
+            (name, objects.count(name), int(sum(solved[i] for i, one in enumerate(objects) if one == name)))
+            for name in dict.fromkeys(objects)
+        ]
+
+    # -- checkpoints ---------------------------------------------------------------------------------------------
+
+    @property
+    def acting(self) -> dict[str, Any]:
+        """What `StatePolicy` needs."""
+        policy = self.model.policy
+        if self.config.name == "sac":
+            parts, last, activation, squash = policy.actor.latent_pi, policy.actor.mu, "relu", "tanh"
+        else:
+            parts, last, activation, squash = policy.mlp_extractor.policy_net, policy.action_net, "tanh", "clip"
+        layers = [one for one in parts if isinstance(one, torch.nn.Linear)] + [last]
+        rms: Any = self._normal.obs_rms if self.config.normalise else None
+        size = layers[0].in_features
+        return {
+            "weights": [one.weight.detach().clone() for one in layers],
+            "biases": [one.bias.detach().clone() for one in layers],
+            "activation": activation,
+            "squash": squash,
+            "mean": torch.zeros(size) if rms is None else torch.from_numpy(rms.mean.copy()),
+            "std": torch.ones(size) if rms is None else torch.from_numpy(np.sqrt(rms.var + self._normal.epsilon)),
+            "clip": _CLIP if self.config.normalise else float("inf"),
+        }
+
+    def save(self) -> None:
+        """Write a checkpoint.
+
+        Raises:
+            OSError: it cannot be written; the one before is as it was.
+            RunError: a weight is not finite.
+        """
+        for name, value in self.model.policy.state_dict().items():
+            if not value.isfinite().all():
+                raise RunError(f"the weights {name} are not finite after step {self.state.step}")
+        model, buffer = self.model, getattr(self.model, "replay_buffer", None)
+        going_on = {
+            "env": self._scaled.unwrapped,
+            "counters": {name: getattr(model, name, None) for name in _COUNTERS},
+            "normal": self._normal.obs_rms if self.config.normalise else None,
+            "generators": (random.getstate(), np.random.get_state(), torch.get_rng_state()),  # noqa: NPY002 - the library's
+            "warm_up": model.action_space.np_random.bit_generator.state,
+        }
+        if buffer is not None:
+            count = len(buffer.observations) if buffer.full else buffer.pos
+            going_on["buffer"] = {name: getattr(buffer, name)[:count] for name in _BUFFER}
+            going_on["place"] = buffer.pos, buffer.full
+        path = self._folder / LATEST
+        write_whole(_beside(path, self.state.step), pickle.dumps(going_on, protocol=5))
+        content = {"state": dict(vars(self.state)), "acting": self.acting, "parameters": model.get_parameters()}
+        if getattr(model, "log_ent_coef", None) is not None:
+            content["log_ent_coef"] = model.log_ent_coef.detach().clone()
+        write_content(path, content)
+        for old in path.parent.glob("going-on-*.pkl"):
+            if old != _beside(path, self.state.step):
+                old.unlink()
+        self._saved_at, self._saved_step = time.perf_counter(), self.state.step
+
+    def _read(self) -> dict[str, Any]:
+        path = self._folder / LATEST
+        content = read_content(path)
+        try:
+            self.state = TrainState(**content["state"])
+            beside = _beside(path, self.state.step)
+            going_on: dict[str, Any] = pickle.load(io.BytesIO(read_bytes(beside)))
+        except OSError as error:
+            raise RunError(f"cannot read {str(path.parent)!r}: {error.strerror}: {error.filename}") from error
+        except (pickle.UnpicklingError, EOFError, LookupError, TypeError, AttributeError, ValueError) as error:
+            raise RunError(f"the checkpoint in {str(path.parent)!r} is damaged") from error
+        return content | going_on
+
+    def _restore(self, saved: dict[str, Any]) -> None:
+        """Put the model where the checkpoint was."""
+        model = self.model
+        model.set_parameters(saved["parameters"], device="cpu")
+        if "log_ent_coef" in saved:
+            model.log_ent_coef.data.copy_(saved["log_ent_coef"])
+        for name, value in saved["counters"].items():
+            setattr(model, name, value)
+        if saved["normal"] is not None:
+            self._normal.obs_rms = saved["normal"]
+        if "buffer" in saved:
+            for name, values in saved["buffer"].items():
+                getattr(model.replay_buffer, name)[: len(values)] = values
+            model.replay_buffer.pos, model.replay_buffer.full = saved["place"]
+        model.action_space.np_random.bit_generator.state = saved["warm_up"]
+        python, numpy, tensors = saved["generators"]  # last: all above may draw
+        random.setstate(python)
+        np.random.set_state(numpy)  # noqa: NPY002 - the library's
+        torch.set_rng_state(tensors)
+
+    def is_due(self, before: int, every: int) -> bool:
+        """Whether a multiple of `every` steps was reached since the step `before`."""
+        return self.state.step // every > before // every
+
+
+def _beside(path: Path, step: int) -> Path:
+    return path.with_name(f"going-on-{step}.pkl")
+
+
+class _Loop(BaseCallback):
+    """What is done between two updates: the library calls it at the beginning of each collection."""
+
+    def __init__(self, run: Run, records: Records, on_step: OnStep) -> None:
+        super().__init__()
+        self._run, self._records, self._report = run, records, on_step
+        self._rewards, self._episodes, self._solved = [0.0, 0], 0, 0
+        self._text = ""
+        self._is_first = True
+
+    def begin(self) -> None:
+        """Start the clock."""
+        self._at, self._simulated = time.perf_counter(), self._run._scaled.seconds
+
+    def _on_step(self) -> bool:
+        rewards = self.locals["rewards"]
+        self._add("reward", float(rewards.sum()) / self._run.config.reward_scale, len(rewards))
+        for env in np.flatnonzero(self.locals["dones"]).tolist():
+            self._add("success", float(self.locals["infos"][env]["success"]), 1)
+        return True
+
+    def _on_rollout_end(self) -> None:
+        self._collected_at = time.perf_counter()
+
+    def _on_rollout_start(self) -> None:
+        if not self._is_first:
+            self.end_iteration()
+        self._is_first = False
+
+    def _add(self, name: str, value: float, count: int) -> None:
+        total, counted = self._run.state.sums.get(name, (0.0, 0))
+        self._run.state.sums[name] = total + value, counted + count
+
+    def end_iteration(self) -> None:
+        """Log, measure and save as far as it is time; the library has collected and updated."""
+        run, state, config, now = self._run, self._run.state, self._run.config, time.perf_counter()
+        before, state.step = state.step, int(run.model.num_timesteps)
+        spent = {
+            "simulate": run._scaled.seconds - self._simulated,
+            "update": now - self._collected_at,
+            "total": now - self._at,
+        }
+        for name, seconds in spent.items():
+            run.seconds[name] += seconds
+        state.seconds += spent["total"]
+        for name, value in run.model.logger.name_to_value.items():
+            if name.startswith("train/") and name != "train/n_updates" and isinstance(value, float | np.number):
+                self._add(name.removeprefix("train/"), float(value), 1)
+        run.model.logger.name_to_value.clear()
+        if run.is_due(before, config.log_every):
+            self._log()
+        if run.is_due(before, config.evaluation.every):
+            run.develop(self._records)
+        elif run.is_due(before, config.checkpoint_every) or now - run._saved_at > _CHECKPOINT_S:
+            run.save()
+        self._report(min(state.step, config.steps), self._text)
+        if run._stop.is_set:
+            if run._saved_step != state.step:
+                run.save()
+            raise KeyboardInterrupt(f"interrupted after step {state.step}, which is saved")
+        self.begin()
+
+    def _log(self) -> None:
+        state = self._run.state
+        means = {name: total / count for name, (total, count) in sorted(state.sums.items())}
+        state.sums = {}
+        rate = means.pop("learning_rate", self._run.config.values.learning_rate)
+        self._records.add_means(state, means, rate)
+        solved = f", {means['success']:.0%} solved in training" if "success" in means else ""
+        best = state.best_successes
+        measured = f", best {best} of {self._run.config.evaluation.episodes}" if best >= 0 else ""
+        self._text = f"reward {means.get('reward', float('nan')):.2f} a step{solved}{measured}"

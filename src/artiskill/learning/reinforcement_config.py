@@ -1,0 +1,197 @@
+"""`ReinforcementConfig`: all values of a run of reinforcement learning. Importing this imports no torch."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from artiskill.config import (
+    CONFIG_DIR,
+    check,
+    check_not_negative,
+    check_positive,
+    check_value,
+    differing,
+    from_layers,
+    from_mapping,
+    load_yaml,
+    merge_overrides,
+    to_mapping,
+)
+from artiskill.envs.options import env_count
+from artiskill.errors import ConfigError, RunError, check_name
+from artiskill.learning.run import CONFIG
+from artiskill.tasks.levels import check_level
+from artiskill.tasks.registry import task_spec
+
+_FOLDER = CONFIG_DIR / "learning"
+_MOST_STEPS = 10**9
+_MOST_NAMED = 5  # differences
+
+
+@dataclass(frozen=True)
+class SACConfig:
+    """Values of soft actor-critic, with the library's names."""
+
+    learning_rate: float
+    gamma: float  # discount of a step
+    net_arch: tuple[int, ...]  # sizes of hidden layers, of the policy and of each critic
+    batch_size: int
+    buffer_size: int  # steps of all environments
+    learning_starts: int  # random steps before the first update
+    gradient_steps: int  # after each step of all environments
+    tau: float  # by which target networks follow
+    ent_coef: float | str  # `auto`, or `auto_0.1` to begin with 0.1
+    target_entropy: float | str  # `auto`: minus the size of an action
+
+    def __post_init__(self) -> None:
+        check_positive(self, "learning_rate", "batch_size", "buffer_size", "gradient_steps", "tau")
+        check_not_negative(self, "learning_starts")
+        _check_shared(self.gamma, self.net_arch)
+        for name in ("ent_coef", "target_entropy"):
+            given = getattr(self, name)
+            legal = not isinstance(given, str) or given == "auto" or _is_begun(name, given)
+            check(legal, f"algorithm.{name} must be a number or auto, not {given!r}")
+
+
+def _is_begun(name: str, given: str) -> bool:
+    """Whether a text is `auto_0.1`, say."""
+    start, _, number = given.partition("_")
+    try:
+        return name == "ent_coef" and start == "auto" and float(number) > 0
+    except ValueError:
+        return False
+
+
+@dataclass(frozen=True)
+class PPOConfig:
+    """Values of proximal policy optimisation, with the library's names."""
+
+    learning_rate: float
+    gamma: float
+    net_arch: tuple[int, ...]  # sizes of hidden layers, of the policy and of the critic
+    batch_size: int
+    n_steps: int  # of each environment between two updates
+    n_epochs: int
+    gae_lambda: float
+    clip_range: float
+    ent_coef: float
+    max_grad_norm: float
+    target_kl: float | None
+    log_std_init: float
+
+    def __post_init__(self) -> None:
+        check_positive(
+            self, "learning_rate", "batch_size", "n_steps", "n_epochs", "gae_lambda", "clip_range", "max_grad_norm"
+        )
+        check_not_negative(self, "ent_coef")
+        check_value(self, "n_steps", self.n_steps > 1, "must be at least 2")
+        _check_shared(self.gamma, self.net_arch)
+
+
+def _check_shared(gamma: float, sizes: tuple[int, ...]) -> None:
+    check(0 <= gamma <= 1, f"algorithm.gamma must lie in [0, 1], not {gamma!r}")
+    check(min(sizes, default=1) >= 1, f"algorithm.net_arch must have sizes of at least 1, not {list(sizes)}")
+
+
+REINFORCEMENT: Mapping[str, type[SACConfig] | type[PPOConfig]] = {"sac": SACConfig, "ppo": PPOConfig}
+
+
+@dataclass(frozen=True)
+class EvaluationConfig:
+    """How success is measured while training: on new levels of the objects that are trained on."""
+
+    episodes: int  # in all, shared by the objects
+    first_level: int
+    every: int  # steps
+
+    def __post_init__(self) -> None:
+        check_positive(self, "episodes", "every")
+        check_level(self.first_level)
+        check_level(self.first_level + self.episodes - 1)
+
+
+@dataclass(frozen=True)
+class ReinforcementConfig:
+    """All values of a run; the same values give the same weights, bit for bit on a CPU."""
+
+    task: str
+    name: str  # of the algorithm
+    objects: tuple[str, ...]  # as `resolve_objects` takes them
+    target: str | None  # link; None: each episode draws one
+    steps: int  # of all environments together
+    seed: int  # of initial weights, levels and noise
+    envs: int
+    terminate_on_success: bool
+    reward_scale: float
+    normalise: bool  # observations, by what has been seen so far
+    log_every: int  # steps
+    checkpoint_every: int  # steps
+    evaluation: EvaluationConfig
+    algorithm: dict[str, Any]  # values of `SACConfig` or `PPOConfig`
+
+    def __post_init__(self) -> None:
+        check_name("algorithm", self.name, REINFORCEMENT)
+        task_spec(self.task)
+        check(bool(self.objects), "objects must not be empty")
+        check_value(self, "steps", 1 <= self.steps <= _MOST_STEPS, f"must lie in [1, {_MOST_STEPS}]")
+        check_value(self, "seed", 0 <= self.seed < 2**31, "must lie in [0, 2^31)")
+        env_count(self.envs)
+        check_positive(self, "reward_scale", "log_every", "checkpoint_every")
+
+    @property
+    def values(self) -> Any:
+        """The algorithm's values, checked.
+
+        Raises:
+            ConfigError: an unknown key or an illegal value.
+        """
+        return from_mapping(REINFORCEMENT[self.name], self.algorithm, "algorithm")
+
+    def check_continues(self, other: "ReinforcementConfig", folder: Path) -> None:
+        """Raise `RunError` if a run with these values cannot go on with other ones, but for more steps."""
+        ours, theirs = to_mapping(self), to_mapping(other)
+        theirs["steps"] = min(ours["steps"], theirs["steps"])
+        found = differing(ours, theirs)
+        if found:
+            more = [f"and {len(found) - _MOST_NAMED} more"] if len(found) > _MOST_NAMED else []
+            raise RunError(
+                f"{str(folder)!r} holds a run of other values ({'; '.join(found[:_MOST_NAMED] + more)}); "
+                "choose another folder, or the values of before"
+            )
+
+
+def load_reinforcement_config(
+    name: str, task: str, overrides: Mapping[str, Any] | None = None
+) -> ReinforcementConfig:
+    """Return the values of a run: of the package's files, and others laid over them.
+
+    Args:
+        name: of the algorithm, one of `REINFORCEMENT`.
+        task: name of the task.
+        overrides: dotted keys and other values, `{"algorithm.gamma": 0.98}`.
+
+    Raises:
+        UnknownNameError: no such algorithm or task.
+        ConfigError: an unknown key or an illegal value.
+    """
+    check_name("algorithm", name, REINFORCEMENT)
+    task_spec(task)
+    values = merge_overrides(load_yaml(_FOLDER / "reinforcement.yaml"), load_yaml(_FOLDER / f"{name}.yaml"))
+    values |= {"task": task, "name": name, "objects": ("train",)}
+    config = from_layers(
+        ReinforcementConfig, lambda given: merge_overrides(values, given), overrides, f"{name}.yaml"
+    )
+    return replace(config, algorithm=to_mapping(config.values))
+
+
+def read_reinforcement_config(folder: Path) -> ReinforcementConfig:
+    """Read the resolved configuration of a run.
+
+    Raises:
+        RunError: it is missing or damaged.
+    """
+    try:
+        return from_mapping(ReinforcementConfig, load_yaml(folder / CONFIG), str(folder / CONFIG))
+    except ConfigError as error:
+        raise RunError(str(error)) from error

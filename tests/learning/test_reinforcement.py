@@ -1,0 +1,171 @@
+"""Reinforcement learning: runs, checkpoints, going on, and runs as policies."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+pytest.importorskip("stable_baselines3", reason="needs the extra rl: `make test-rl`")
+
+import artiskill
+from artiskill.cli.main import main
+from artiskill.errors import ConfigError, PolicyError, RunError
+from artiskill.learning import reinforcement
+from artiskill.learning.checkpoints import read_content
+from artiskill.learning.reinforcement import reinforce
+from artiskill.learning.reinforcement_config import load_reinforcement_config
+from artiskill.learning.run import BEST, LATEST, load_run
+
+TASK, OBJECT = "OpenCabinetDrawer", "cabinet-0003"
+TINY: dict[str, Any] = {
+    "objects": [OBJECT],
+    "target": "link_0",
+    "steps": 400,
+    "envs": 4,
+    "log_every": 100,
+    "checkpoint_every": 200,
+    "evaluation.episodes": 2,
+    "evaluation.every": 400,
+    "algorithm.net_arch": [16],
+    "algorithm.batch_size": 16,
+}
+OWN = {"sac": {"algorithm.learning_starts": 100, "algorithm.buffer_size": 300}, "ppo": {"algorithm.n_steps": 20}}
+
+
+def tiny(name: str, **changes: Any) -> Any:
+    return load_reinforcement_config(name, TASK, TINY | OWN[name] | changes)
+
+
+def weights(folder: Path) -> dict[str, np.ndarray]:
+    acting = read_content(folder / LATEST)["acting"]
+    return {f"{kind}{i}": one.numpy() for kind in ("weights", "biases") for i, one in enumerate(acting[kind])}
+
+
+def equal(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> bool:
+    return all((a[name] == b[name]).all() for name in a)
+
+
+@pytest.mark.parametrize("name", ["sac", "ppo"])
+def test_an_interrupted_run_ends_with_the_same_bits(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = reinforce(tiny(name), tmp_path / "whole")
+    assert whole.state.step == 400
+    begun = tmp_path / "begun"
+    real, saves = reinforcement.Run.save, []
+
+    def save_and_die(run: Any) -> None:
+        real(run)
+        saves.append(run.state.step)
+        raise MemoryError
+
+    monkeypatch.setattr(reinforcement.Run, "save", save_and_die)
+    with pytest.raises(MemoryError):
+        reinforce(tiny(name), begun)
+    monkeypatch.undo()
+    assert 0 < saves[0] < 400
+    starts: list[int] = []
+    reinforce(tiny(name), begun, on_start=starts.append)
+    assert starts == saves
+    assert equal(weights(tmp_path / "whole"), weights(begun))
+    assert (tmp_path / "whole/development.csv").read_bytes() == (begun / "development.csv").read_bytes()
+    assert len(list((begun / "checkpoints").glob("going-on-*.pkl"))) == 1
+
+
+def test_the_policy_acts_as_the_library_does(tmp_path: Path) -> None:
+    for name in ("sac", "ppo"):
+        run = reinforce(tiny(name, steps=200), tmp_path / name)
+        policy = load_run(tmp_path / name / LATEST)
+        env = artiskill.ManipulationEnv(TASK, OBJECT)
+        observation, info = env.reset(seed=5)
+        policy.reset(observation, info)
+        theirs = run.model.predict(run._normal.normalize_obs(observation[None]), deterministic=True)[0][0]
+        np.testing.assert_allclose(policy.act(observation), theirs, atol=1e-5)
+        with pytest.raises(ConfigError, match="states"):
+            policy.act(observation[:-1])
+
+
+def test_commands_train_evaluate_and_refuse(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "run"
+    values = [f"{key}={value}" for key, value in (TINY | OWN["sac"]).items() if key != "objects"]
+    command = ["train", "sac", "--task", TASK, "--objects", OBJECT, "--out", str(out), "--set", *values]
+    assert main(command) == 0
+    assert "of 2 episodes on new levels solved" in capsys.readouterr().out
+    for name in ("config.yaml", "run.json", "metrics.csv", "development.csv", str(BEST), str(LATEST)):
+        assert (out / name).is_file(), name
+    measured = ["evaluate", "--policy", str(out), "--objects", OBJECT, "--target", "link_0", "--episodes", "2"]
+    assert main([*measured, "--out", str(tmp_path / "report")]) == 0
+    assert (tmp_path / "report/report.json").is_file()
+    assert main([*command, "--points", "5"]) == 2
+    assert main([*command, "algorithm.gama=1"]) == 2
+    assert "gamma" in capsys.readouterr().err
+    assert main([*command, "seed=1"]) == 2
+    assert "other values" in capsys.readouterr().err
+    assert main(["export-policy", str(out), str(tmp_path / "a.npz")]) == 2
+    assert "from the state" in capsys.readouterr().err
+
+
+def test_killed_runs_go_on(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    values = [f"{key}={value}" for key, value in (TINY | OWN["sac"]).items() if key not in ("objects", "steps")]
+    command = [sys.executable, "-m", "artiskill", "train", "sac", "--task", TASK, "--objects", OBJECT]
+    command += ["--out", str(out), "--steps", "100000000", "--set", *values]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=dict(os.environ))
+    end = time.monotonic() + 120
+    while not (out / LATEST).exists():
+        assert process.poll() is None
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    stands = read_content(out / LATEST)["state"]["step"]
+    steps = stands + 40
+    config = tiny("sac", steps=100_000_000)
+    starts: list[int] = []
+
+    def stop(step: int, text: str) -> None:
+        if step >= steps:
+            signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt, match="is saved"):
+        reinforce(config, out, on_start=starts.append, on_step=stop)
+    assert starts == [stands]
+    assert read_content(out / LATEST)["state"]["step"] > stands
+
+
+def test_damaged_and_foreign_folders_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other/file").touch()
+    with pytest.raises(RunError, match="holds no training run"):
+        reinforce(tiny("ppo"), tmp_path / "other")
+    reinforce(tiny("ppo", steps=100), tmp_path / "run")
+    with pytest.raises(RunError, match="a run of ppo"):
+        reinforce(tiny("sac", steps=100), tmp_path / "run")
+    next((tmp_path / "run/checkpoints").glob("going-on-*")).write_bytes(b"no pickle")
+    with pytest.raises(RunError, match="damaged"):
+        reinforce(tiny("ppo", steps=400), tmp_path / "run")
+    (tmp_path / "run" / BEST).write_bytes(b"nothing")
+    with pytest.raises(PolicyError, match="damaged"):
+        load_run(tmp_path / "run")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"algorithm.gamma": 2}, "gamma"),
+        ({"algorithm.ent_coef": "automatic"}, "ent_coef"),
+        ({"envs": 0}, "num_envs"),
+        ({"objects": []}, "objects"),
+        ({"reward_scale": 0}, "reward_scale"),
+    ],
+)
+def test_illegal_values_are_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        tiny("sac", **changes)
