@@ -2,8 +2,9 @@
 
 Table a: one drawer by the number of demonstrations. Table b: four tasks on training and test objects. Each cell is
 one policy: its demonstrations, training set, training and evaluation are commands of `artiskill`, printed as they
-run. Whatever ends this script, the same command goes on; finished cells are known by their reports. Nothing is
-trained on, or chosen by, test objects.
+run. Whatever ends this script, the same command goes on. Finished cells are known by their reports, or by their
+rows in the CSV file of the page: without them they are made anew. Nothing is trained on, or
+chosen by, test objects.
 """
 
 import argparse
@@ -36,7 +37,7 @@ from learning_tables.cells import (
 from learning_tables.estimates import Estimator
 from learning_tables.markdown import tables_text, write_between, write_rows
 from learning_tables.queue import CommandError, Queue, locked
-from learning_tables.results import CSV_HEAD, csv_rows, read_results
+from learning_tables.results import CSV_HEAD, Result, csv_rows, read_csv_rows, read_results
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "learning.md"
 TABLE = Path("data", "learning.csv")  # beside the page
@@ -60,10 +61,11 @@ def main(arguments: list[str]) -> int:
         check_cells(cells, settings)
         resources = Resources(options.device, options.precision, options.workers, options.threads)
         if options.list:
-            print_list(cells, settings, options.work, resources)
+            print_list(cells, settings, options, resources)
             return 0
         with locked(options.work) as lock:
-            settings = keep_settings(settings, {cell.table for cell in cells}, options.work)
+            tables = {cell.table for cell in cells}
+            settings = keep_settings(settings, tables, options.work, options.page.parent / TABLE.parent)
             queue = Queue(settings, options.work, resources, options.stages, lock)
             return run_all(queue, cells, settings, options, resources)
     except ArtiSkillError as error:
@@ -172,22 +174,27 @@ def chosen_cells(options: argparse.Namespace, settings: Settings) -> list[Cell]:
     return cells
 
 
-def keep_settings(settings: Settings, tables: set[str], work: Path) -> Settings:
-    """Keep the settings in the work folder; return them, with those of before for tables that are not chosen.
+def keep_settings(settings: Settings, tables: set[str], work: Path, data: Path) -> Settings:
+    """Keep the settings in the work folder, and beside the CSV file.
+
+    Returns:
+        They, with those of before for tables that are not chosen.
 
     Raises:
         ConfigError: those of chosen tables differ from those of before.
     """
     for part, names in PARTS.items():
-        path = work / f"settings-{part}.json"
-        theirs = parse_json(read_bytes(path)) if path.is_file() else None
-        if theirs is not None and part in (A, B) and part not in tables:
-            settings = replace(settings, **theirs)
+        places = work / f"settings-{part}.json", data / f"learning-{part}.json"
+        before = [parse_json(read_bytes(path)) if path.is_file() else None for path in places]
+        if part in (A, B) and part not in tables:
+            theirs = before[0] or before[1]
+            settings = settings if theirs is None else replace(settings, **theirs)
             continue
         ours = {name: value for name, value in to_mapping(settings).items() if name in names}
-        if theirs is not None:
-            check_same(ours, theirs, work)
-        elif part not in (A, B) or part in tables:
+        if before[0] is not None:
+            check_same(ours, before[0], work)
+        data.mkdir(exist_ok=True)
+        for path in places:
             with atomic_write(path) as temporary:
                 temporary.write_text(json.dumps(ours, indent=1) + "\n", encoding="utf-8")
     return settings
@@ -202,12 +209,15 @@ def check_same(ours: dict[str, Any], theirs: dict[str, Any], work: Path) -> None
         raise ConfigError(f"{str(work)!r} holds cells with {'; '.join(found)}: choose another --work")
 
 
-def print_list(cells: Sequence[Cell], settings: Settings, work: Path, resources: Resources) -> None:
+def print_list(
+    cells: Sequence[Cell], settings: Settings, options: argparse.Namespace, resources: Resources
+) -> None:
     """Print the cells with minutes."""
+    work, known = options.work, {one.cell for one in all_results(settings, options)}
     estimator = Estimator(cells, settings, work, resources)
     total, counted = 0.0, set[Path]()
     for cell in cells:
-        if place_of(cell, work).is_finished:
+        if cell in known:
             print(f"{cell.name:55} finished")
             continue
         minutes, data = estimator.estimate(cell), place_of(cell, work).data
@@ -226,9 +236,9 @@ def run_all(
 ) -> int:
     """Run cells one after the other, and write the tables after each one; the exit status is 1 if one failed."""
     estimator, start, failed = Estimator(cells, settings, options.work, resources), time.monotonic(), []
-    write_tables(settings, options)
+    known = write_tables(settings, options)
     for number, cell in enumerate(cells, 1):
-        if place_of(cell, options.work).is_finished:
+        if cell in known:
             continue
         minutes, spent = estimator.estimate(cell).total, (time.monotonic() - start) / 60
         if options.time_limit is not None and spent + minutes > options.time_limit:
@@ -246,11 +256,20 @@ def run_all(
     return int(bool(failed))
 
 
-def write_tables(settings: Settings, options: argparse.Namespace) -> None:
-    """Write the CSV file and what stands between the marks of the page, of all that is finished."""
-    results = read_results(options.work, settings)
+def all_results(settings: Settings, options: argparse.Namespace) -> list[Result]:
+    """Return finished cells, in the order of the tables: those of the work folder, and others of the CSV file."""
+    found = {one.cell: one for one in read_csv_rows(options.page.parent / TABLE, settings)}
+    found |= {one.cell: one for one in read_results(options.work, settings)}
+    order = [cell[:3] for cell in all_cells(settings, [0])]
+    return sorted(found.values(), key=lambda one: (order.index(one.cell[:3]), one.cell.seed))
+
+
+def write_tables(settings: Settings, options: argparse.Namespace) -> set[Cell]:
+    """Write the CSV file and what stands between the marks of the page; return the finished cells."""
+    results = all_results(settings, options)
     write_between(options.page, BEGIN, END, tables_text(results, settings))
     write_rows(options.page.parent / TABLE, [CSV_HEAD, *csv_rows(results, settings)])
+    return {one.cell for one in results}
 
 
 if __name__ == "__main__":

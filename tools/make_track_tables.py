@@ -2,14 +2,17 @@
 
 Each policy is a track, a task and a seed: trained, then measured on the standard protocols of `test` and `ood`.
 Everything is a command of `artiskill`, printed as it starts. Whatever ends this script, the same command goes on.
+Policies whose rows are in the CSV file of the page are finished: without them they are made anew.
 `--stages train` leaves the test objects alone until all policies are there; nothing is chosen by them.
 """
 
 import argparse
+import csv
 import os
 import shlex
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -63,7 +66,8 @@ def main(arguments: list[str]) -> int:
     try:
         if options.jobs < 1:
             raise ConfigError(f"--jobs must be at least 1, not {options.jobs}")
-        failed = run_all(policies, options)
+        known = read_all(options.work, options.page)
+        failed = run_all([one for one in policies if one not in known], options)
         write_table(options.work, options.page)
     except ArtiSkillError as error:
         print(f"error: {error}", file=sys.stderr)
@@ -161,9 +165,35 @@ def evaluate_command(policy: Policy, split: str, work: Path) -> list[str]:
     return [*command, "--track", policy.track, "--out", str(policy.reports(work)[split]), "--workers", "1"]
 
 
-def read_all(work: Path) -> dict[Policy, dict[str, Measured]]:
-    """Return what finished policies reached, by split."""
-    found = {}
+def read_csv(path: Path) -> dict[Policy, dict[str, Measured]]:
+    """Return what a CSV file says that policies reached, by split; nothing if there is none.
+
+    Raises:
+        ConfigError: it has other columns, or texts where numbers belong.
+    """
+    found: dict[Policy, dict[str, Measured]] = {}
+    if not path.is_file():
+        return found
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            reader = csv.DictReader(file)
+            if reader.fieldnames != CSV_HEAD:
+                raise ValueError(f"columns are {', '.join(CSV_HEAD)}")
+            for row in reader:
+                splits = found.setdefault(Policy(row["track"], row["task"], int(row["seed"])), {})
+                one = splits.setdefault(row["split"], Measured(Counter(), Counter(), 0.0))
+                one.episodes[row["object"]] = int(row["episodes"])
+                one.successes[row["object"]] = int(row["successes"])
+    except (ValueError, TypeError) as error:
+        raise ConfigError(
+            f"{str(path)!r} is no table of this script ({error}); remove it to begin anew"
+        ) from error
+    return found
+
+
+def read_all(work: Path, page: Path) -> dict[Policy, dict[str, Measured]]:
+    """Return what finished policies reached, by split: those of the CSV file, and those of the work folder."""
+    found = read_csv(page.parent / TABLE)
     for track in TRACKS:
         for task in TASKS:
             seeds = (int(path.name.removeprefix("seed-")) for path in (work / track / task).glob("seed-*"))
@@ -171,7 +201,12 @@ def read_all(work: Path) -> dict[Policy, dict[str, Measured]]:
                 reports = policy.reports(work)
                 if all((path / "report.json").is_file() for path in reports.values()):
                     found[policy] = {split: read_measured(path) for split, path in reports.items()}
-    return found
+    return dict(sorted(found.items(), key=_order))
+
+
+def _order(item: tuple[Policy, object]) -> tuple[int, int, int]:
+    track, task, seed = item[0]
+    return list(TRACKS).index(track), TASKS.index(task), seed
 
 
 def table_text(found: dict[Policy, dict[str, Measured]]) -> str:
@@ -212,7 +247,7 @@ def write_table(work: Path, page: Path) -> None:
     Raises:
         ConfigError: the page cannot be read, or lacks the marks.
     """
-    found = read_all(work)
+    found = read_all(work, page)
     write_between(page, BEGIN, END, table_text(found))
     write_rows(page.parent / TABLE, [CSV_HEAD, *csv_rows(found)])
 

@@ -58,10 +58,48 @@ def test_the_page_says_what_the_reports_hold(
     rows = (page.parent / tool.TABLE).read_text().splitlines()
     assert rows[0] == ",".join(tool.CSV_HEAD)
     assert rows[1].startswith("a,OpenCabinetDrawer,small,bc,10,0,20,2560,")
-    assert len(rows) == 3
+    assert len(rows) == 3  # of one object each
     assert main() == 0
     assert called() == []
     assert page.read_text() == text
+
+
+def test_rows_of_another_work_folder_stay(
+    page: Path, main: Callable[..., int], called: Callable[[], list[str]], tmp_path: Path
+) -> None:
+    assert main() == 0
+    chair = (
+        "--only",
+        "b",
+        "--cells",
+        "b/small-bc/PushChair/*",
+        "--train-objects",
+        "chair-0004",
+        "--samples",
+        "1280",
+    )
+    called()
+    assert main("--work", str(tmp_path / "other"), *chair) == 0
+    assert [line.split()[0] for line in called()] == ["demos", "training-set", "train", "evaluate", "evaluate"]
+    text, table = page.read_text(), (page.parent / "data" / "learning.csv").read_text()
+    assert "| small | BC | 75% (30% to 95%) | 75% (30% to 95%) |" in text
+    assert "20 for 10 demonstrations, 40 for 30 demonstrations" in text
+    assert "| PushChair | small | BC | 75% (30% to 95%)" in text
+    assert main("--work", str(tmp_path / "third"), *chair) == 0
+    assert called() == []
+    assert (page.read_text(), (page.parent / "data" / "learning.csv").read_text()) == (text, table)
+    assert main("--work", str(tmp_path / "fourth"), "--schedule", "10:20", "30:50") == 0
+    assert [line.split()[0] for line in called()].count("train") == 1  # what is of other steps is made anew
+
+
+def test_a_table_that_is_not_of_this_script(
+    page: Path, main: Callable[..., int], called: Callable[[], list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    (page.parent / "data").mkdir()
+    (page.parent / "data" / "learning.csv").write_text("table,task\na,b\n")
+    assert main() == 2
+    assert "is no table of this script (columns are table, task, network" in capsys.readouterr().err
+    assert called() == []
 
 
 def test_a_cell_that_fails_is_missing_and_others_go_on(

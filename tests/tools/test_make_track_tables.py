@@ -1,6 +1,7 @@
 """Queue and table of generalising policies, with commands that write what real ones would."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -57,7 +58,11 @@ def test_seeds_are_averaged_and_nothing_is_done_twice(tmp_path: Path, commands: 
 
     commands.clear()
     assert run(tmp_path, *options) == 0
+    shutil.rmtree(tmp_path / "work")  # the CSV file knows
+    assert run(tmp_path, *options) == 0
     assert commands == []
+    assert (tmp_path / "page.md").read_text().splitlines() == rows
+    assert (tmp_path / "data" / "tracks.csv").read_text().splitlines() == table
 
 
 def test_training_leaves_test_objects_alone(tmp_path: Path, commands: list[list[str]]) -> None:

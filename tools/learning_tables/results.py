@@ -1,5 +1,6 @@
 """What finished cells say, and what the paper says."""
 
+import csv
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -8,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from artiskill.errors import ConfigError
 from artiskill.files import parse_json, read_bytes
 from learning_tables.cells import METHODS, SPLITS_OF, TASKS, A, Cell, Method, Settings, place_of
 
@@ -27,8 +29,8 @@ PAPER_B = {
     Method("pointnet_transformer", "td3bc"): ((0.13, 0.04), (0.18, 0.10), (0.12, 0.08), (0.05, 0.03)),
 }
 CSV_HEAD = ["table", "task", "network", "algorithm", "demonstrations", "seed", "steps", "samples", "machine"]
-CSV_HEAD += ["training minutes", "measured on", "episodes", "successes", "rate", "wilson low", "wilson high"]
-CSV_HEAD += ["objects", "objects low", "objects high", "measuring minutes"]
+_TRAINED = {"steps": "steps", "samples": "samples", "machine": "machine", "seconds": "training seconds"}
+CSV_HEAD += ["training seconds", "measured on", "object", "episodes", "successes", "measuring seconds"]
 
 
 @dataclass(frozen=True)
@@ -120,14 +122,59 @@ def read_measured(folder: Path) -> Measured:
 
 
 def csv_rows(results: Iterable[Result], settings: Settings) -> Iterator[list[str]]:
-    """Yield a row per finished cell and split."""
+    """Yield a row per finished cell, split and object."""
     for result in results:
         cell, trained = result.cell, result.trained
-        count = cell.column if cell.table == A else f"{settings.per_object} per object"
-        head = [cell.table, cell.task, *cell.method, count, cell.seed, trained["steps"], trained["samples"]]
-        head += [trained["machine"], f"{result.minutes:.2f}"]
+        head = [cell.table, cell.task, *cell.method, _demonstrations(cell, settings), cell.seed]
+        head += [trained[name] for name in _TRAINED]
         for split, one in result.measured.items():
-            tail = [split, one.episodes.total(), one.successes.total()]
-            tail += [f"{value:.4f}" for value in (one.rate, *one.interval)]
-            tail += [len(one.episodes), *(f"{value:.4f}" for value in one.objects_interval)]
-            yield [str(value) for value in (*head, *tail, f"{one.seconds / 60:.2f}")]
+            for name in sorted(one.episodes):
+                row = [*head, split, name, one.episodes[name], one.successes[name], one.seconds]
+                yield [str(value) for value in row]
+
+
+def read_csv_rows(path: Path, settings: Settings) -> list[Result]:
+    """Return the cells whose rows are in a CSV file that `csv_rows` wrote, but for those of other settings.
+
+    Raises:
+        ConfigError: it has other columns, or texts where numbers belong.
+    """
+    if not path.is_file():
+        return []
+    found: dict[Cell, Result] = {}
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            reader = csv.DictReader(file)
+            if reader.fieldnames != CSV_HEAD:
+                raise ValueError(f"columns are {', '.join(CSV_HEAD)}")
+            for row in reader:
+                _add_row(found, row, settings)
+    except (ValueError, TypeError) as error:
+        raise ConfigError(
+            f"{str(path)!r} is no table of this script ({error}); remove it to begin anew"
+        ) from error
+    return list(found.values())
+
+
+def _add_row(found: dict[Cell, Result], row: dict[str, str], settings: Settings) -> None:
+    """Add the episodes of a row to its cell."""
+    method = Method(row["network"], row["algorithm"])
+    column = row["demonstrations"] if row["table"] == A else row["task"]
+    cell = Cell(row["table"], method, column, int(row["seed"]))
+    is_known = method in METHODS and column in (settings.schedule if cell.table == A else TASKS)
+    if not is_known or (row["demonstrations"], int(row["steps"])) != (
+        str(_demonstrations(cell, settings)),
+        cell.steps(settings),
+    ):
+        return
+    trained = {name: row[column] for name, column in _TRAINED.items()}
+    result = found.setdefault(cell, Result(cell, trained, {}))
+    one = result.measured.setdefault(
+        row["measured on"], Measured(Counter(), Counter(), float(row["measuring seconds"]))
+    )
+    one.episodes[row["object"]] = int(row["episodes"])
+    one.successes[row["object"]] = int(row["successes"])
+
+
+def _demonstrations(cell: Cell, settings: Settings) -> str:
+    return cell.column if cell.table == A else f"{settings.per_object} per object"
