@@ -40,6 +40,7 @@ test-learn: ## run the tests of learning, which need torch, in .venv-learn
 
 test-viewer: VENV = .venv-viewer
 test-viewer: ## drive the viewer in a headless Chromium, in .venv-viewer
+	@command -v chromium chromium-browser google-chrome >/dev/null || { echo "test-viewer needs chromium on the path" >&2; exit 1; }
 	$(bootstrap) test-viewer
 	$(python) -m pytest tests/viewer tests/cli/test_view.py -m "slow or not slow"
 

@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 from artiskill.demos.demos import PACK, Demos
-from artiskill.demos.recording import digest_of
 from artiskill.demos.settings import HUMAN
 from artiskill.demos.verify import verify
 from artiskill.errors import DemoError
 from artiskill.evaluation.pictures import EpisodeChoice
-from artiskill.geometry.rotations import quat_from_axis_angle, quat_multiply, quat_to_matrix, transform_points
-from artiskill.sim.snapshot import Snapshot
+from artiskill.geometry.rotations import quat_from_axis_angle, quat_multiply, quat_to_matrix
 from artiskill.viewer.playback import SOLVED, LiveEpisode
 
 STEP_S = 0.05
@@ -99,76 +97,58 @@ def test_fingers_open_and_close(opening_m: float) -> None:
     np.testing.assert_allclose(episode.moment(20).context.snapshot.robot_qpos[0, -2:], opening_m, atol=1e-3)
 
 
-class Person:
-    """Drives a robot with one hand: with the buttons until the hand is near, then with the gizmo."""
-
-    def __init__(self, episode: LiveEpisode) -> None:
-        episode.take_over(0, by_hand=True)
-        self.episode, self.hand = episode, episode.hand
-
-    @property
-    def snapshot(self) -> Snapshot:
-        return self.episode.moment(len(self.episode) - 1).context.snapshot
-
-    def wait(self, steps: int) -> None:
-        for _ in range(steps):
-            if not self.episode.is_complete:
-                self.episode.extend()
-
-    def drive_to(self, goal_w: np.ndarray) -> None:
-        for _ in range(100):
-            x, y, z = goal_w - self.snapshot.tool_position_w[0, 0]
-            if max(abs(x), abs(y), abs(z)) < 0.03:
-                break
-            yaw = float(self.snapshot.robot_qpos[0, 2])
-            cosine, sine = np.cos(yaw), np.sin(yaw)
-            self.hand.push(
-                np.clip((3 * (cosine * x + sine * y), 3 * (cosine * y - sine * x), 0.0, 3 * z), -0.6, 0.6)
-            )
-            self.wait(1)
-        self.wait(6)
-
-    def put_hand(self, position_w: np.ndarray, quaternion_w: np.ndarray) -> None:
-        self.hand.positions_w[0], self.hand.quaternions_w[0] = position_w, quaternion_w
-        self.wait(25)
+def test_a_hand_that_was_dragged_out_of_reach_comes_back() -> None:
+    episode = LiveEpisode(EpisodeChoice("MoveBucket", "bucket-0001", policy="still"))
+    episode.take_over(0, by_hand=True)
+    home = episode.hand.positions_w.copy()
+    for away_m, is_there in ((0.8, False), (0.0, True)):
+        episode.hand.positions_w[:] = np.add(home, (0.0, 0.0, away_m))
+        for _ in range(60):
+            episode.extend()
+        for arm in (0, 1):
+            assert (tool_error(episode, arm)[0] < 0.01) is is_there
 
 
-def open_drawer_by_hand() -> LiveEpisode:
-    """Drive to the handle, turn the hand, close the fingers, drive back."""
-    choice = EpisodeChoice("OpenCabinetDrawer", "cabinet-0002", level=3, config={"episode_steps": 1000})
-    person = Person(LiveEpisode(choice))
-    obj, episode = person.episode.scene.object, person.episode
-    handle, link = obj.handles_of(episode.target)[0], obj.link_index(episode.target)
-    position, quaternion = (
-        getattr(person.snapshot, f"link_{name}_w")[0, link] for name in ("position", "quaternion")
-    )
-    grasp_w = transform_points(position, quaternion, handle.grasp_positions[:1])[0]
-    turn_w = quat_multiply(quaternion, handle.grasp_quaternions[0])
-    before_w = grasp_w - 0.2 * quat_to_matrix(turn_w)[:, 2]
-    person.hand.opening_m = 0.04
-    person.drive_to(before_w)
-    person.put_hand(before_w, turn_w)
-    person.drive_to(grasp_w)
-    person.put_hand(grasp_w, turn_w)
-    person.hand.opening_m = 0.0
-    person.wait(15)
-    for _ in range(30):
-        person.hand.push((-0.5, 0.0, 0.0, 0.0))
-        person.wait(1)
-    person.wait(30)
-    return episode
+def test_two_hands_move_as_one() -> None:
+    episode = LiveEpisode(EpisodeChoice("MoveBucket", "bucket-0001", policy="still"))
+    episode.take_over(0, by_hand=True)
+    hand = episode.hand
+    hand.join()
+    for _ in range(10):
+        hand.push((0.4, 0.0, 0.2, 0.0))
+        episode.extend()
+    assert hand.pair is not None
+    turn = quat_multiply(hand.pair.quaternion_w, quat_from_axis_angle((0.0, 1.0, 0.0), 0.2))
+    hand.move_pair(np.add(hand.pair.position_w, (0.0, 0.0, 0.1)), turn, 0.3)
+    for _ in range(50):
+        episode.extend()
+    snapshot = episode.moment(len(episode) - 1).context.snapshot
+    right, left = snapshot.tool_position_w[0]
+    np.testing.assert_allclose((right + left) / 2, hand.pair.position_w, atol=0.005)
+    across = quat_to_matrix(hand.pair.quaternion_w)[:, 1]  # it has gone along with the trunk
+    np.testing.assert_allclose((left - right) / 0.3, across, atol=0.02)
+    forward = snapshot.tool_rotation_w[0, :, :, 2]
+    np.testing.assert_allclose(forward[0], across, atol=0.02)
+    np.testing.assert_allclose(forward[1], -forward[0], atol=0.02)
+    hand.reset(episode._env, None, {})
+    assert hand.pair is None
 
 
-def test_a_drawer_is_opened_by_hand_and_stored_bit_for_bit(tmp_path: Path) -> None:
-    pytest.importorskip("h5py")
-    episode = open_drawer_by_hand()
-    last = episode.moment(len(episode) - 1)
-    assert last.end == SOLVED
-    episode.store(tmp_path)
-    with Demos(tmp_path).open("cabinet-0002") as file:
-        stored = file.trajectory(0)
-    assert stored.recording.digests[-1] == digest_of(last.state.simulation)
-    assert not stored.disturbed.any()
+def test_a_trunk_that_is_not_pushed_stays() -> None:
+    """While the hands press on each other's wrists, say; drives alone would yield."""
+    episode = LiveEpisode(EpisodeChoice("MoveBucket", "bucket-0001", policy="still"))
+    episode.take_over(0, by_hand=True)
+    before = episode.moment(0).context.snapshot.robot_qpos[0, :4]
+    episode.hand.join()
+    for apart_m in (0.3, -0.3):  # the hands meet, and press
+        pair = episode.hand.pair
+        assert pair is not None
+        episode.hand.move_pair(pair.position_w, pair.quaternion_w, apart_m)
+        for _ in range(60):
+            episode.extend()
+    snapshot = episode.moment(len(episode) - 1).context.snapshot
+    assert np.linalg.norm(np.diff(snapshot.tool_position_w[0], axis=0)) < 0.25
+    np.testing.assert_allclose(snapshot.robot_qpos[0, :4], before, atol=0.03)
 
 
 def test_what_a_person_solves_is_a_demonstration_that_verifies(choice: EpisodeChoice, tmp_path: Path) -> None:
