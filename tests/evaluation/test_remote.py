@@ -1,7 +1,10 @@
 """A policy behind a WebSocket: what its server is asked, and each fault of it in one line with object and step."""
 
 import csv
+import shutil
 import socket
+import ssl
+import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -337,6 +340,24 @@ def test_another_policy_since() -> None:
         made._metadata = STATE | {"replan_steps": 2}
         with pytest.raises(PolicyError, match=f"^{made.url}: its metadata changed since the first connection"):
             run_evaluation(plan)
+
+
+def test_over_tls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    if shutil.which("openssl") is None:
+        pytest.skip("openssl makes the certificate")
+    key, certificate = tmp_path / "key.pem", tmp_path / "certificate.pem"
+    names = ["-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost,IP:127.0.0.1"]
+    made_by = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", *names]
+    subprocess.run([*made_by, "-keyout", key, "-out", certificate], check=True, capture_output=True)
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(certificate, key)
+    with server(ssl=context) as made:
+        url = made.url.replace("ws:", "wss:")
+        with pytest.raises(PolicyError, match=f"^{url}: no connection: .*certificate"):
+            play(url)
+        monkeypatch.setenv("SSL_CERT_FILE", str(certificate))
+        assert play(url).total.episodes == 1
+    assert made.received[-1], "observations came through"
 
 
 def free_port() -> int:

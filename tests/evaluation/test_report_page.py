@@ -24,14 +24,14 @@ from artiskill.evaluation.sandbox import Confinement
 from artiskill.evaluation.statistics import EpisodeResult, compare_episodes, object_interval, summarize
 
 TASK, OBJECTS = "OpenCabinetDrawer", ["generated-cabinet-1000000", "generated-cabinet-1000002"]
-EASY = {"episode_steps": 20, "success.open_fraction": 0.001}
+EASY = {"episode_steps": 52, "success.open_fraction": 0.001}
 HOSTILE = "<script>alert(1)</script>\"'><img src=http://x.example/ onerror=alert(2)>\u202ecod.exe\0&amp;</title>"
 VOID = {"meta", "link", "img", "br", "rect", "input", "hr"}
 
 
 @pytest.fixture(scope="module")
 def report() -> Report:
-    """Of an expert that opens nothing, and of one object whose episodes are all solved."""
+    """Of an expert that has time to begin to open one of the two, in one of its levels."""
     return evaluate(TASK, "expert", OBJECTS, 2, 5, config=EASY)
 
 

@@ -268,6 +268,7 @@ def test_actions_with_something_else_beside_them(folder: Path, tmp_path: Path) -
     [
         (lambda data: data.pop("task"), "'task' is missing"),
         (lambda data: data.update(levls=1), "did you mean 'levels'"),
+        (lambda data: data.update(track="the best"), "unknown track 'the best'"),
         (lambda data: data.update(salt="x"), "either levels or a salt"),
         (lambda data: data.update(levels=[5, 2**31]), "levels must be a lower and a higher number"),
         (lambda data: data.update(objects=[]), "objects must not be empty"),

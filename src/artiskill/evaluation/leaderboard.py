@@ -187,7 +187,7 @@ def leaderboard_page(board: Leaderboard, home: Path) -> bytes:
 def _group(name: str, entries: Sequence[Entry], home: Path) -> str:
     """Return the table of one protocol."""
     best = next((entry for entry in entries if entry.is_ranked), None)
-    heads = [("Rank", "number"), ("Policy", "name"), ("Track", "name"), ("Solved", "number")]
+    heads = [("Rank", "number"), ("Policy", "name"), ("Track", "name words"), ("Solved", "number")]
     heads += [("Rate and 95 % interval", "wide"), ("Points from the best", "name"), ("Checked", "name")]
     rates = [entry.report.success_rate for entry in entries if entry.is_ranked]
     body = []

@@ -88,7 +88,7 @@ class Report:
         levels: first and last; None for fresh ones.
         salt: of fresh levels; else None.
         total: over all episodes.
-        interval_over_objects: 95 % interval of the success rate by bootstrap over objects; None with one object.
+        interval_over_objects: 95 % interval of the success rate by bootstrap over objects; None if all are alike.
         rows: one per object, or per object and target.
         episodes: every single one, in the order of rows and levels.
         config: resolved configuration of the task, plain values.

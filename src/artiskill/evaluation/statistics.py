@@ -8,6 +8,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from fractions import Fraction
 
 import numpy as np
 
@@ -128,9 +129,14 @@ def wilson_interval(successes: int, trials: int, z: float = _Z_95) -> Interval:
 
 
 def object_interval(episodes: Sequence[EpisodeResult]) -> Interval | None:
-    """Return the 95 % interval of the success rate by bootstrap over objects; None with a single object."""
+    """Return the 95 % interval of the success rate by bootstrap over objects.
+
+    None with a single object, or with the same rate on all: from those it could say nothing about others.
+    """
     names = list(dict.fromkeys(result.object for result in episodes))
     successes, counts = Counter(r.object for r in episodes if r.success), Counter(r.object for r in episodes)
+    if len({Fraction(successes[name], counts[name]) for name in names}) < 2:
+        return None
     return cluster_interval([successes[name] for name in names], [counts[name] for name in names])
 
 

@@ -19,11 +19,11 @@ from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import checked_hash, load_object
 from artiskill.config import check, check_positive, differing, from_mapping
 from artiskill.envs.wrappers import Sampling
-from artiskill.errors import ArtiSkillError, ConfigError, shown
+from artiskill.errors import ArtiSkillError, ConfigError, check_name, shown
 from artiskill.evaluation.evaluate import ReplayJob, prepare_workers, replay, run_evaluation
 from artiskill.evaluation.plan import EpisodeBatch, EvaluationPlan, inspect_policy, name_batches
 from artiskill.evaluation.policies import policy_digest, policy_of_task
-from artiskill.evaluation.protocols import ANY_TARGET
+from artiskill.evaluation.protocols import ANY_TARGET, PRIVILEGED, TRACKS
 from artiskill.evaluation.report import (
     ACTIONS_FILE,
     EPISODES_CSV,
@@ -127,6 +127,7 @@ class StoredReport(EpisodeStatistics):
 
     def __post_init__(self) -> None:
         check((self.levels is None) != (self.salt is None), "a report has either levels or a salt")
+        check_name("track", self.track or PRIVILEGED, (*TRACKS, PRIVILEGED))
         check(len(self.objects) > 0, "objects must not be empty")
         first, last = self.levels or (0, self.objects[0].episodes - 1)
         is_legal = 0 <= first <= last <= MAX_LEVEL and last - first < _MOST_LEVELS
