@@ -16,6 +16,7 @@ pytest.importorskip("stable_baselines3", reason="needs the extra rl: `make test-
 
 import artiskill
 from artiskill.cli.main import main
+from artiskill.demos.demos import Demos
 from artiskill.errors import ConfigError, PolicyError, RunError
 from artiskill.learning import reinforcement
 from artiskill.learning.checkpoints import read_content
@@ -169,3 +170,22 @@ def test_damaged_and_foreign_folders_are_refused(tmp_path: Path) -> None:
 def test_illegal_values_are_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         tiny("sac", **changes)
+
+
+def test_agents_demonstrate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Here every state counts as solved."""
+    values = [f"{key}={value}" for key, value in (TINY | OWN["ppo"]).items() if key not in ("objects", "target")]
+    run, out = str(tmp_path / "run"), str(tmp_path / "demos")
+    chair = ["--task", "PushChair", "--objects", "chair-0002"]
+    assert main(["train", "ppo", *chair, "--out", run, "--set", *values, "steps=100"]) == 0
+    easy = {"near_m": 9, "max_tilt_rad": 3, "max_speed_m_s": 99, "max_angular_speed_rad_s": 99, "hold_s": 0.1}
+    changed = [f"success.{key}={value}" for key, value in easy.items()]
+    collect = ["demos", "collect", *chair, "--per-object", "2", "--out", out, "--policy", run, "--workers", "1"]
+    assert main([*collect, "--set", *changed]) == 0
+    assert main(["demos", "verify", out, "--workers", "1"]) == 0
+    expert = Demos(Path(out)).manifest.settings.expert
+    assert (expert.kind, expert.name) == ("agent", "ppo")
+    capsys.readouterr()
+    assert main([*collect, "--ray", "auto"]) == 2
+    assert main(["demos", "collect", "--task", TASK, "--out", out, "--policy", run]) == 2
+    assert "learned PushChair" in capsys.readouterr().err

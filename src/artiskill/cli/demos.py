@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from artiskill.assets.articulated_object import ArticulatedObject
     from artiskill.demos.demos import Demos, FileEntry, Manifest
     from artiskill.demos.plan import CollectionPlan
+    from artiskill.demos.settings import Agent
     from artiskill.demos.training_file import ReplaySettings, Sampling
     from artiskill.jobs.ray_jobs import RayCluster
 
@@ -39,6 +40,7 @@ _COLLECT_EPILOG = """examples:
   artiskill demos collect --task OpenCabinetDoor --objects cabinet-0006 --targets link_1 --out demos/doors
   artiskill demos collect --task MoveBucket --control-mode operational_space --out demos/buckets-os
   artiskill demos collect --task PushChair --out demos/chairs --ray auto
+  artiskill demos collect --task PushChair --objects chair-0002 --policy runs/chair --out demos/by-agents
 
 After an interruption, the same command continues where it stopped. The exit status is 1 if an expert could not
 solve an object often enough. docs/demonstrations.md describes the files."""
@@ -94,6 +96,7 @@ def _add_collect(commands: Any) -> None:
     add("--control-mode", default="joint", help="joint or operational_space (default: %(default)s)")
     add("--first-level", "--seed", type=int, default=0, help="first level of each object (default: 0)")
     add("--keep-failures", action="store_true", help="store failed attempts, too")
+    add("--policy", metavar="RUN", help="run of sac or ppo that demonstrates instead of the expert")
     add("--plain", action="store_true", help="never vary the expert's style, and never disturb it")
     add_set(parser, "values of the task's settings, see `artiskill config`")
     add("--workers", type=int, help="processes (default: one per core, of a cluster: per CPU)")
@@ -117,10 +120,37 @@ def _collect(arguments: argparse.Namespace) -> int:
         first_level=arguments.first_level,
         keep_failures=arguments.keep_failures,
         variety=not arguments.plain,
+        agent=None if arguments.policy is None else _agent(arguments),
     )
     plan = make_plan(arguments.task, arguments.objects, options, config=overrides_of(arguments.set))
     manifest = _collect_with_progress(plan, arguments.out, workers_of(arguments), cluster)
     return EXIT_SHORT if print_collection(plan, manifest, arguments.out) else 0
+
+
+def _agent(arguments: argparse.Namespace) -> "Agent":
+    """Return the run that demonstrates.
+
+    Raises:
+        UsageError: it is of another task, or sees no state; or options do not go together.
+        PolicyError: there is no run, or it is damaged.
+    """
+    from functools import partial
+
+    from artiskill.demos.settings import Agent
+    from artiskill.learning.run import FROM_STATE, load_run, read_info, run_folder, weights_digest
+
+    load_run(arguments.policy)
+    info = read_info(run_folder(arguments.policy))
+    if info.algorithm not in FROM_STATE:
+        raise UsageError(f"--policy takes runs of {' and '.join(FROM_STATE)}, not of {info.algorithm}")
+    if info.task != arguments.task:
+        raise UsageError(f"{arguments.policy!r} learned {info.task}, not {arguments.task}")
+    if arguments.control_mode != info.control_mode:
+        raise UsageError(f"{arguments.policy!r} acts in control mode {info.control_mode}")
+    if arguments.ray is not None:
+        raise UsageError("--policy and --ray do not go together: machines may lack the run")
+    path = Path(arguments.policy).resolve()
+    return Agent(info.algorithm, weights_digest(path), partial(load_run, path))
 
 
 def _collect_with_progress(

@@ -141,7 +141,7 @@ class Collection:
             for queue in queues:
                 levels = queue.take(self._plan.block_levels)
                 if levels:
-                    return CollectJob(self._plan.settings, one.item, queue.target, levels)
+                    return CollectJob(self._plan.settings, one.item, queue.target, levels, self._plan.agent)
         return None
 
     def add_attempt(self, attempt: DemoAttempt) -> None:

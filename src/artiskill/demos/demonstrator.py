@@ -2,13 +2,15 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object, object_id_of
-from artiskill.demos.recording import Recording, record, rounded
-from artiskill.demos.settings import Settings, load_demos_config
+from artiskill.demos.recording import Actor, Recording, record, rounded
+from artiskill.demos.settings import Agent, Settings, load_demos_config
+from artiskill.envs.core import StateObserver
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ArtiSkillError, DivergedError, PolicyError
 from artiskill.experts.registry import Expert, make_expert
@@ -92,6 +94,46 @@ class Demonstrator:
         return rounded(np.clip(action, -1.0, 1.0), self._action_bits)
 
 
+class AgentDemonstrator:
+    """Acts as a trained policy that sees the state.
+
+    Args:
+        env: in which it acts.
+        policy: with `reset` and `act`.
+        action_bits: actions are multiples of 2**-action_bits.
+
+    Attributes:
+        disturbed: never.
+    """
+
+    disturbed = False
+
+    def __init__(self, env: ManipulationEnv, policy: Any, action_bits: int) -> None:
+        self._policy, self._action_bits = policy, action_bits
+        self._observer = StateObserver(env.task)
+
+    def begin(self, env: ManipulationEnv) -> None:
+        """Begin an episode at its first state."""
+        self._policy.reset(self._observe(env), {})
+
+    def act(self, env: ManipulationEnv) -> np.ndarray:
+        """Return the next action, (A,) float32.
+
+        Raises:
+            FloatingPointError: the policy's action is not finite.
+        """
+        action = np.asarray(self._policy.act(self._observe(env)))
+        if not np.isfinite(action).all():
+            raise FloatingPointError(f"the policy's action is not finite: {action.tolist()}")
+        return rounded(np.clip(action, -1.0, 1.0), self._action_bits)
+
+    def _observe(self, env: ManipulationEnv) -> np.ndarray:
+        values = np.empty((1, *self._observer.space.shape), np.float32)
+        self._observer.observe_all(env.snapshot, env.goal, values)
+        found: np.ndarray = values[0]
+        return found
+
+
 class RecordedActions:
     """Acts as it was recorded.
 
@@ -142,6 +184,7 @@ class CollectJob:
     object: str | ArticulatedObject  # an id, or the object itself where no id leads to it
     target: str  # link
     levels: tuple[int, ...]  # of the episodes
+    agent: Agent | None = None  # who demonstrates instead of the expert
 
     @property
     def label(self) -> str:
@@ -153,13 +196,18 @@ def run_collect_job(job: CollectJob, send: Callable[[DemoAttempt], None]) -> Non
     """Make the attempts of a job, and send each."""
     obj = load_object(job.object) if isinstance(job.object, str) else job.object
     env = job.settings.make_env([obj])
-    demonstrator = Demonstrator(env, job.settings.variety, job.settings.store.action_bits)
+    bits = job.settings.store.action_bits
+    demonstrator = (
+        Demonstrator(env, job.settings.variety, bits)
+        if job.agent is None
+        else AgentDemonstrator(env, job.agent.load(), bits)
+    )
     for level in job.levels:
         send(_make_attempt(env, obj, demonstrator, job, level))
 
 
 def _make_attempt(
-    env: ManipulationEnv, obj: ArticulatedObject, demonstrator: Demonstrator, job: CollectJob, level: int
+    env: ManipulationEnv, obj: ArticulatedObject, demonstrator: Actor, job: CollectJob, level: int
 ) -> DemoAttempt:
     """Play one level.
 

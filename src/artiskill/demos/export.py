@@ -20,6 +20,7 @@ import numpy as np
 from artiskill.demos.hdf5 import new_large_file, reading, writing
 from artiskill.demos.lerobot import lerobot_writer
 from artiskill.demos.replay_episode import AGENT, STATE
+from artiskill.demos.settings import CONTROLLER, HUMAN, LEARNER
 from artiskill.demos.training_file import ReplaySettings, TrainingFile, TrainingFiles
 from artiskill.envs.registration import NAMESPACE
 from artiskill.errors import ConfigError, DemoError, check_name, shown
@@ -127,8 +128,9 @@ def _env_spec(settings: ReplaySettings, objects: list[str]) -> str:
 
 def _description(settings: ReplaySettings) -> str:
     outcome = "tried, and not always solved," if settings.keep_failures else "solved"
+    who = {CONTROLLER: "scripted experts", HUMAN: "people", LEARNER: "trained agents"}[settings.source.expert.kind]
     return (
-        f"{settings.source.task} {outcome} by scripted experts, {settings.control_mode} control, "
+        f"{settings.source.task} {outcome} by {who}, {settings.control_mode} control, "
         f"{settings.obs_mode} observations"
     )
 

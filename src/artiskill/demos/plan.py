@@ -11,6 +11,8 @@ from artiskill.assets.catalog import checked_hash, load_object, resolve_objects
 from artiskill.config import check
 from artiskill.demos.settings import (
     CONTROLLER,
+    LEARNER,
+    Agent,
     DemosConfig,
     ExpertInfo,
     GiveUpConfig,
@@ -46,6 +48,7 @@ class CollectionOptions:
     first_level: int = 0  # of each object
     keep_failures: bool = False  # store failed attempts, too
     variety: bool = True  # let the expert's style differ from episode to episode, and disturb it now and then
+    agent: Agent | None = None  # who demonstrates instead of the expert
 
     def __post_init__(self) -> None:
         if self.per_object is not None and self.per_target is not None:
@@ -157,6 +160,7 @@ class CollectionPlan:
     objects: tuple[ObjectPlan, ...]  # to demonstrate with
     flag_names: tuple[str, ...]  # of the task
     block_levels: int  # attempts in one job of a worker
+    agent: Agent | None = None  # who demonstrates instead of the expert
 
     def wanted(self, one: ObjectPlan) -> int:
         """Return how many successful trajectories are wanted of an object."""
@@ -206,7 +210,7 @@ def make_plan(
     legal = dict.fromkeys(name for one in found for name in one.targets)
     for name in settings.targets or ():
         check_name("target link", name, legal, f"(no object has it, {task})")
-    plan = CollectionPlan(settings, found, made.flag_names, demos_config.block_levels)
+    plan = CollectionPlan(settings, found, made.flag_names, demos_config.block_levels, options.agent)
     _check_levels(plan)
     return plan
 
@@ -222,20 +226,22 @@ def _make_settings(task: Task, options: CollectionOptions, demos_config: DemosCo
         first_level=options.first_level,
         targets=targets,
         keep_failures=options.keep_failures,
-        variety=options.variety,
+        variety=options.variety and options.agent is None,
         config=plain(task.config),
         config_hash=task_hash(task),
-        expert=_expert_info(task, options.variety),
+        expert=_expert_info(task, options),
         store=demos_config.store,
         patience=demos_config.patience,
         versions=versions(),
     )
 
 
-def _expert_info(task: Task, variety: bool) -> ExpertInfo:
+def _expert_info(task: Task, options: CollectionOptions) -> ExpertInfo:
+    if options.agent is not None:
+        return ExpertInfo(options.agent.name, LEARNER, options.agent.digest[:16])
     expert = make_expert(task.name, task.robot)
     values: dict[str, Any] = {"expert": plain(expert.config), "variation": None}
-    if variety:
+    if options.variety:
         variation = load_variation(task.name)
         varied(expert.config, variation.ranges, np.random.default_rng(0))  # a wrong key is an error now, not later
         # values are drawn in the ranges' order

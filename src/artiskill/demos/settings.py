@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -20,6 +20,7 @@ from artiskill.versions import versions
 
 CONTROLLER = "controller"  # the kind of expert that `experts.registry` makes
 HUMAN = "human"  # a person who drove the robot
+LEARNER = "agent"  # a policy of reinforcement learning
 _MOST_BITS = 40  # float32 keeps fewer anyway
 MOST_COMPRESSION = 9  # of gzip
 # keys of a task's configuration that make it the one of its name, and that no override may hold
@@ -81,8 +82,17 @@ class ExpertInfo:
     """Who demonstrated."""
 
     name: str  # of its class
-    kind: str  # `controller`, for one that follows rules; `human`, for a person
-    config_hash: str  # of its configuration, its variation and its disturbance; empty of a person
+    kind: str  # `controller`, for one that follows rules; `human`, for a person; `agent`, for what was trained
+    config_hash: str  # of configuration, variation and disturbance; of an agent's weights; empty of a person
+
+
+@dataclass(frozen=True)
+class Agent:
+    """A trained policy that demonstrates instead of the expert."""
+
+    name: str  # of the algorithm
+    digest: str  # of its weights
+    load: Callable[[], Any]  # returns the policy, which sees the state; it must pickle
 
 
 @dataclass(frozen=True)

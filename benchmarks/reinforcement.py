@@ -1,0 +1,79 @@
+"""Where the time of reinforcement learning goes: simulation, updates, the rest, and how near that is to the best.
+
+"Best" is what one core does that simulates and updates alone. Untrained policies: how fast contacts are, changes.
+"""
+
+import argparse
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from artiskill.envs.vector_env import ManipulationVectorEnv
+from artiskill.learning.reinforcement import Run, reinforce
+from artiskill.learning.reinforcement_config import ReinforcementConfig, load_reinforcement_config
+
+
+def simulation_rate(config: ReinforcementConfig, seconds: float) -> float:
+    """Steps per second of the environments alone, with random actions."""
+    env = ManipulationVectorEnv(
+        config.envs,
+        config.task,
+        list(config.objects),
+        target=config.target,
+        num_threads=1,
+        autoreset_mode="same_step",
+        terminate_on_success=False,
+        copy=False,
+    )
+    env.reset(seed=0)
+    rng, steps, start = np.random.default_rng(0), 0, time.perf_counter()
+    shape = (config.envs, env.control.size)
+    while time.perf_counter() - start < seconds:
+        env.step(rng.uniform(-1, 1, shape).astype(np.float32))
+        steps += config.envs
+    return steps / (time.perf_counter() - start)
+
+
+def update_seconds(run: Run, seconds: float) -> float:
+    """Seconds of updates for each environment step, with nothing else in between."""
+    values, iteration = run.config.values, run.config.envs
+    count, start = 0, time.perf_counter()
+    while time.perf_counter() - start < seconds:
+        if run.config.name == "sac":
+            run.model.train(values.gradient_steps, values.batch_size)
+        else:
+            run.model.train()
+        count += 1
+    iteration *= values.n_steps if run.config.name == "ppo" else 1
+    return (time.perf_counter() - start) / count / iteration
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--task", default="OpenCabinetDrawer")
+    parser.add_argument("--object", default="cabinet-0003")
+    parser.add_argument("--algorithms", nargs="+", default=["sac", "ppo"])
+    parser.add_argument("--steps", type=int, default=20_000)
+    parser.add_argument("--seconds", type=float, default=5.0, help="of what is measured alone")
+    options = parser.parse_args()
+    for name in options.algorithms:
+        never = {"evaluation.every": 10**9, "checkpoint_every": 10**9, "evaluation.episodes": 1}
+        given = {"objects": [options.object], "steps": options.steps, **never}
+        config = load_reinforcement_config(name, options.task, given)
+        with tempfile.TemporaryDirectory() as folder:
+            run = reinforce(config, Path(folder))
+            spent, total = run.seconds, run.seconds["total"]
+            rest = total - spent["simulate"] - spent["update"]
+            best = 1 / (1 / simulation_rate(config, options.seconds) + update_seconds(run, options.seconds))
+            rate = run.state.step / total
+            shares = ", ".join(
+                f"{what} {part / total:.0%}"
+                for what, part in (("simulation", spent["simulate"]), ("updates", spent["update"]), ("rest", rest))
+            )
+            print(f"{name}: {rate:.0f} steps/s; {shares}; {rate / best:.0%} of simulating and updating alone")
+
+
+if __name__ == "__main__":
+    main()

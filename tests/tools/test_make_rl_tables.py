@@ -1,0 +1,67 @@
+"""Queue and tables of reinforcement learning, with commands that write what real ones would."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+import make_rl_tables as script
+from make_rl_tables import BEGIN, END, graded
+
+WORDS = f"before\n{BEGIN}\nold\n{END}\nafter\n"
+
+
+@pytest.fixture
+def commands(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """Commands that were called; each leaves what the real one would."""
+    called: list[list[str]] = []
+
+    def call(command: list[str], environment: object) -> bool:
+        called.append(command)
+        out = Path(command[command.index("--out") + 1])
+        out.mkdir(parents=True)
+        if command[0] == "train":
+            (out / "metrics.csv").write_text("step,seconds\n1000,30\n2000000,600\n")
+        else:
+            episodes = int(command[command.index("--episodes") + 1])
+            rows = [{"object": "one", "episodes": episodes, "successes": episodes // 2}]
+            (out / "report.json").write_text(json.dumps({"objects": rows, "timing": {"seconds": 1.0}}))
+        return "PushChair" not in command
+
+    monkeypatch.setattr(script, "call", call)
+    return called
+
+
+def run(folder: Path, *options: str) -> int:
+    page = folder / "page.md"
+    if not page.exists():
+        page.write_text(WORDS)
+    return script.main(["--work", str(folder / "work"), "--page", str(page), "--jobs", "1", *options])
+
+
+def test_finished_runs_stay_in_the_tables(tmp_path: Path, commands: list[list[str]]) -> None:
+    first = ("--tables", "one", "--tasks", "OpenCabinetDrawer", "--seeds", "0", "1")
+    assert run(tmp_path, *first) == 0
+    assert len(commands) == 3 * 2 * 2
+    commands.clear()
+    assert run(tmp_path, *first) == 0
+    assert commands == []
+    name, target = graded("OpenCabinetDrawer")[0]
+    assert f"| OpenCabinetDrawer | {name} | {target} | sac | 50%, 50% | 2 | 10 to 10 |" in _page(tmp_path)
+    shutil.rmtree(tmp_path / "work")
+    assert run(tmp_path, "--tables", "many", "--counts", "5", "--seeds", "0") == 0
+    assert len(commands) == 3
+    assert len(commands[0][commands[0].index("--objects") + 1 : commands[0].index("--out")]) == 5
+    assert name in _page(tmp_path)
+    assert "| 5 | sac | 50% | 50% | 82 % | 2 | 10 to 10 |" in _page(tmp_path)
+
+
+def test_failures_are_told(tmp_path: Path, commands: list[list[str]]) -> None:
+    assert run(tmp_path, "--tables", "one", "--tasks", "PushChair", "--seeds", "0") == 1
+    assert "Nothing is measured yet." in _page(tmp_path)
+    assert run(tmp_path, "--jobs", "0") == 2
+
+
+def _page(folder: Path) -> str:
+    return " ".join((folder / "page.md").read_text().replace("\n", " \n ").split(" ")).replace("  ", " ")

@@ -1,0 +1,241 @@
+"""Make the tables of reinforcement learning anew: `python tools/make_rl_tables.py --jobs 2`.
+
+`one`: a policy per object and seed; `many`: one over 1, 5, 10, 20 or 25 cabinets. Each is trained, then measured
+on new levels, by commands of `artiskill` that are printed. Whatever ends this script, the same command goes on.
+Finished runs stay in docs/data/reinforcement.csv, also without the work folder; the tables are made from it.
+"""
+
+import argparse
+import csv
+import os
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+from artiskill.errors import ArtiSkillError, ConfigError
+from artiskill.files import read_text
+from artiskill.gallery.facts import markdown
+from artiskill.jobs.parallel import available_cores
+from learning_tables.cells import TASKS
+from learning_tables.markdown import write_between, write_rows
+from learning_tables.results import read_measured
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+PAGE, EXPERTS = DOCS / "reinforcement_learning.md", DOCS / "data" / "experts.csv"
+TABLE = Path("data", "reinforcement.csv")  # beside the page
+BEGIN, END = "<!-- made by tools/make_rl_tables.py -->", "<!-- end of the tables -->"
+ONE, MANY = TABLES = ("one", "many")
+COUNTS, MANY_TASK = (1, 5, 10, 20, 25), "OpenCabinetDrawer"
+PAPER_MANY = {1: "100 %", 5: "82 %", 10: "2 %", 20: "0 %"}  # the ManiSkill paper, SAC, 10^6 steps
+CSV_HEAD = ["table", "task", "objects", "target", "algorithm", "seed", "steps", "minutes"]
+CSV_HEAD += ["measured on", "episodes", "successes"]
+KEY = [*CSV_HEAD[:6], "measured on"]
+FIRST_LEVEL = 1_000_000  # training draws from 2^31
+EPISODES = {ONE: 100, MANY: 10}  # on each object
+GRADED = {"OpenCabinetDoor": 3, "OpenCabinetDrawer": 3, "PushChair": 1, "MoveBucket": 1}  # objects of table `one`
+
+
+class Policy(NamedTuple):
+    """One policy of the tables."""
+
+    table: str
+    task: str
+    objects: tuple[str, ...]
+    target: str  # empty: each episode draws one
+    algorithm: str
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """The object, or how many there are."""
+        return self.objects[0] if self.table == ONE else str(len(self.objects))
+
+    def folder(self, work: Path) -> Path:
+        """Where it is trained and measured."""
+        return work / self.table / self.task / self.name / self.algorithm / f"seed-{self.seed}"
+
+    @property
+    def splits(self) -> dict[str, tuple[str, ...]]:
+        """What is measured, by name: the objects of training, and of many also the test objects."""
+        return {"new": self.objects} | ({} if self.table == ONE else {"test": ("test",)})
+
+
+def main(arguments: list[str]) -> int:
+    """Train, measure, write; the exit status is 1 if a command failed, 2 if what is asked is not legal."""
+    options = make_parser().parse_args(arguments)
+    try:
+        if options.jobs < 1:
+            raise ConfigError(f"--jobs must be at least 1, not {options.jobs}")
+        policies = list(wanted(options))
+        environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+        with ThreadPoolExecutor(options.jobs) as pool:
+            done = [pool.submit(run, one, options, environment) for one in policies]
+        write_tables(policies, options.work, options.page)
+    except ArtiSkillError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return int(not all(one.result() for one in done))
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of the script's options."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add = parser.add_argument
+    add("--work", type=Path, default=Path("results/reinforcement"), help="folder (default: %(default)s)")
+    add("--page", type=Path, default=PAGE, help="with the two marks (default: docs/reinforcement_learning.md)")
+    add("--tables", nargs="+", choices=TABLES, default=TABLES, help="(default: both)")
+    add("--tasks", nargs="+", choices=TASKS, default=TASKS, metavar="TASK", help="of `one` (default: all four)")
+    add("--counts", nargs="+", type=int, choices=COUNTS, default=COUNTS, help="of `many` (default: all)")
+    add("--algorithm", choices=("sac", "ppo"), default="sac", help="(default: %(default)s)")
+    add("--seeds", nargs="+", type=int, default=[0, 1, 2], help="(default: 0 1 2)")
+    add("--steps", type=int, help="of each policy (default: the algorithm's)")
+    add("--set", nargs="+", default=[], metavar="KEY=VALUE", help="as `artiskill train` takes it")
+    add("--jobs", type=int, default=available_cores(), help="policies at once, a core each (default: all cores)")
+    return parser
+
+
+def wanted(options: argparse.Namespace) -> Iterator[Policy]:
+    """Yield the first seed of everything first."""
+    for seed in options.seeds:
+        for task in options.tasks if ONE in options.tables else ():
+            for name, target in graded(task):
+                yield Policy(ONE, task, (name,), target, options.algorithm, seed)
+        for count in options.counts if MANY in options.tables else ():
+            names = tuple(name for name, _, _ in sorted(trained_on(MANY_TASK)))[:count]
+            yield Policy(MANY, MANY_TASK, names, "", options.algorithm, seed)
+
+
+def trained_on(task: str) -> list[tuple[str, str, int]]:
+    """Return the training objects of a task: id, first target, and the steps that the expert takes (median)."""
+    rows = csv.DictReader(read_text(EXPERTS).splitlines())
+    return [
+        (row["object"], row["solved of attempts, by target"].split()[0], int(row["steps"].split("..")[1]))
+        for row in rows
+        if row["task"] == task and row["split"] == "train"
+    ]
+
+
+def graded(task: str) -> list[tuple[str, str]]:
+    """Return an easy, a middle and a hard object, by how long the expert takes, or a middle one; with targets."""
+    found = sorted(trained_on(task), key=lambda row: (row[2], row[0]))
+    last = len(found) - 1
+    places = (0, last // 2, last) if GRADED[task] > 1 else (last // 2,)
+    is_cabinet = task.startswith("OpenCabinet")
+    return [(found[place][0], found[place][1] if is_cabinet else "") for place in places]
+
+
+def run(policy: Policy, options: argparse.Namespace, environment: dict[str, str]) -> bool:
+    """Train and measure a policy, as far as that is missing; return whether all commands succeeded."""
+    folder = policy.folder(options.work)
+    trained = folder / "trained"  # an empty file: nothing is measured before
+    if not trained.is_file():
+        if not call(train_command(policy, options), environment):
+            return False
+        trained.touch()
+    for split in policy.splits:
+        if not (folder / split / "report.json").is_file() and not call(
+            evaluate_command(policy, split, options.work), environment
+        ):
+            return False
+    return True
+
+
+def train_command(policy: Policy, options: argparse.Namespace) -> list[str]:
+    """Return the command that trains."""
+    command = ["train", policy.algorithm, "--task", policy.task, "--objects", *policy.objects]
+    command += ["--out", str(policy.folder(options.work) / "run"), "--seed", str(policy.seed), "--threads", "1"]
+    command += ["--target", policy.target] if policy.target else []
+    command += ["--steps", str(options.steps)] if options.steps else []
+    return command + (["--set", *options.set] if options.set else [])
+
+
+def evaluate_command(policy: Policy, split: str, work: Path) -> list[str]:
+    """Return the command that measures on new levels."""
+    folder = policy.folder(work)
+    command = ["evaluate", "--policy", str(folder / "run"), "--objects", *policy.splits[split]]
+    command += ["--target", policy.target] if policy.target else []
+    command += ["--first-level", str(FIRST_LEVEL), "--episodes", str(EPISODES[policy.table])]
+    return [*command, "--out", str(folder / split), "--workers", "1"]
+
+
+def call(command: list[str], environment: dict[str, str]) -> bool:
+    """Run one of the package's commands; return whether it succeeded."""
+    print(f"$ {shlex.join(['artiskill', *command])}", flush=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "artiskill", *command], env=environment, stdout=subprocess.DEVNULL, check=False
+    )
+    if done.returncode:
+        print(f"failed, exit status {done.returncode}: {shlex.join(command)}", file=sys.stderr, flush=True)
+    return not done.returncode
+
+
+def rows_of(policies: Sequence[Policy], work: Path) -> Iterator[dict[str, str]]:
+    """Yield a row of the CSV file per finished policy and split."""
+    for policy in policies:
+        folder = policy.folder(work)
+        for split in policy.splits:
+            if not (folder / "trained").is_file() or not (folder / split / "report.json").is_file():
+                continue
+            measured = read_measured(folder / split)
+            *_, last = csv.DictReader(read_text(folder / "run" / "metrics.csv").splitlines())
+            values = (policy.table, policy.task, policy.name, policy.target, policy.algorithm, policy.seed)
+            values += (last["step"], f"{float(last['seconds']) / 60:.1f}", split)  # type: ignore[assignment]
+            values += (sum(measured.episodes.values()), sum(measured.successes.values()))  # type: ignore[assignment]
+            yield dict(zip(CSV_HEAD, map(str, values), strict=True))
+
+
+def write_tables(policies: Sequence[Policy], work: Path, page: Path) -> None:
+    """Write the CSV file, older rows included, and what stands between the marks of the page.
+
+    Raises:
+        ConfigError: the page cannot be read, or lacks the marks.
+    """
+    path = page.parent / TABLE
+    before = list(csv.DictReader(read_text(path).splitlines())) if path.is_file() else []
+    found = {tuple(row[name] for name in KEY): row for row in (*before, *rows_of(policies, work))}
+    rows = [found[key] for key in sorted(found)]
+    write_between(page, BEGIN, END, tables_text(rows))
+    write_rows(path, [CSV_HEAD, *([row[name] for name in CSV_HEAD] for row in rows)])
+
+
+def tables_text(rows: Sequence[dict[str, str]]) -> str:
+    """Return both tables."""
+    one = [row for row in rows if row["table"] == ONE]
+    cells = sorted({tuple(row[name] for name in ("task", "objects", "target", "algorithm")) for row in one})
+    first = []
+    for cell in cells:
+        chosen = [row for row in one if tuple(row[name] for name in CSV_HEAD[1:5]) == cell]
+        first.append([*cell[:2], cell[2] or "any", cell[3], *_measured(chosen)])
+    many = [row for row in rows if row["table"] == MANY]
+    second = []
+    for algorithm, count in sorted({(row["algorithm"], int(row["objects"])) for row in many}):
+        chosen = [row for row in many if (row["algorithm"], row["objects"]) == (algorithm, str(count))]
+        sides = {split: [row for row in chosen if row["measured on"] == split] for split in ("new", "test")}
+        rates = [", ".join(_rates(side)) for side in sides.values()]
+        second.append([str(count), algorithm, *rates, PAPER_MANY.get(count, ""), *_measured(sides["new"])[1:]])
+    head = ["task", "object", "target", "algorithm", "solved, by seed", "million steps", "minutes of a core"]
+    parts = ["Nothing is measured yet."] if not rows else []
+    parts += [markdown(head, first)] * bool(first)
+    head = ["cabinets", "algorithm", "solved, by seed", "test cabinets", "ManiSkill paper", *head[5:]]
+    return "\n\n".join([*parts, *[markdown(head, second)] * bool(second)])
+
+
+def _measured(rows: Sequence[dict[str, str]]) -> list[str]:
+    """Return the rates by seed, millions of steps, and minutes."""
+    steps = sorted({f"{int(row['steps']) / 1e6:.2g}" for row in rows})
+    minutes = sorted(float(row["minutes"]) for row in rows)
+    span = f"{minutes[0]:.0f} to {minutes[-1]:.0f}" if minutes else ""
+    return [", ".join(_rates(rows)), ", ".join(steps), span]
+
+
+def _rates(rows: Sequence[dict[str, str]]) -> list[str]:
+    ordered = sorted(rows, key=lambda row: int(row["seed"]))
+    return [f"{int(row['successes']) / int(row['episodes']):.0%}" for row in ordered]
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
