@@ -1,5 +1,7 @@
 """Timelines and the player; no browser, no viser."""
 
+import threading
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,6 +12,7 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ArtiSkillError, PolicyError, UnknownNameError
 from artiskill.evaluation.pictures import EpisodeChoice
 from artiskill.evaluation.policies import ExpertActor
+from artiskill.evaluation.serve import PolicyServer
 from artiskill.viewer.playback import (
     NOT_SOLVED,
     SOLVED,
@@ -252,3 +255,23 @@ def test_who_takes_over_at_the_last_step_but_one_can_still_fail(choice: EpisodeC
     episode.take_over(3, by_hand=True)
     assert episode.is_complete
     assert episode.moment(3).end == NOT_SOLVED
+
+
+def test_a_served_policy_goes_on_after_a_person(choice: EpisodeChoice) -> None:
+    with PolicyServer("pretrained", 0, task=choice.task, on_event=lambda text: None) as server:
+        thread = threading.Thread(target=server.run)
+        thread.start()
+        episode = LiveEpisode(replace(choice, policy=server.url))
+        for _ in range(15):
+            episode.extend()
+        episode.take_over(10, by_hand=True)
+        for _ in range(5):
+            episode.hand.push((0.0, 0.2, 0.0, 0.0))
+            episode.extend()
+        episode.take_over(15, by_hand=False)
+        while not episode.is_complete:
+            episode.extend()
+        assert episode.moment(len(episode) - 1).end == SOLVED
+        episode.close()
+    thread.join(10)
+    assert not thread.is_alive()

@@ -70,7 +70,7 @@ def state_text(moment: Moment) -> str:
     context = moment.context
     seconds = context.elapsed * context.snapshot.step_s
     parts = [f"**step {context.elapsed}** ({seconds:.2f} s)", moment.progress, moment.end and f"**{moment.end}**"]
-    flags = [f"{_YES if held else _NO} {name}" for name, held in moment.flags.items()]
+    flags = [f"{_YES if held else _NO}&nbsp;{name}" for name, held in moment.flags.items()]
     return "\n\n".join((" · ".join(part for part in parts if part), " &nbsp; ".join(flags)))
 
 
