@@ -2,11 +2,14 @@
 
 import base64
 import io
+import math
 import re
 import shutil
 import signal
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -17,7 +20,9 @@ from PIL import Image
 
 from artiskill.demos.demos import PACK
 from artiskill.evaluation.pictures import EpisodeChoice
-from artiskill.viewer.episode_page import export_episode
+from artiskill.geometry.rotations import transform_points
+from artiskill.viewer.episode_page import EpisodePage, export_episode
+from artiskill.viewer.pickers import LivePicker
 from artiskill.viewer.playback import LiveEpisode
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -185,6 +190,71 @@ def test_a_person_drags_a_hand_and_drives(view: Any, open_page: Any) -> None:
     for _ in range(6):
         press(page, "step")
     until(page, changed(followed))
+
+
+def test_a_drawer_is_opened_with_keys(server: Any, open_page: Any) -> None:
+    """As the guide says, in real time; where the hand is, the test sees from the simulation."""
+    choice = EpisodeChoice(
+        "OpenCabinetDrawer", "cabinet-0002", level=3, policy="still", config={"episode_steps": 9000}
+    )
+    page, is_over = EpisodePage(server, LivePicker(choice)), threading.Event()
+
+    def run() -> None:
+        while not is_over.is_set():
+            page.update()
+            time.sleep(0.01)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        shown = open_page(f"http://127.0.0.1:{server.get_port()}")
+        press(shown, "by hand")
+        shown.get_by_label("drive", exact=True).first.click()
+        state_is(shown, r"step \d\d+ ")
+        shown.mouse.click(60, 300)  # keys that a widget has are not for the robot
+        episode = page.player.timeline
+        assert isinstance(episode, LiveEpisode)
+        handle, link = (
+            episode.scene.object.handles_of(episode.target)[0],
+            episode.scene.object.link_index(episode.target),
+        )
+
+        def snapshot() -> Any:
+            return episode.moment(len(episode) - 1).context.snapshot
+
+        def drive_to(ahead_m: float, most: float) -> None:
+            for _ in range(60):
+                now = snapshot()
+                grasp_w = transform_points(
+                    now.link_position_w[0, link], now.link_quaternion_w[0, link], handle.grasp_positions[:1]
+                )[0]
+                yaw = float(now.robot_qpos[0, 2])
+                x, y, z = grasp_w - now.tool_position_w[0, 0]
+                ways = {
+                    "ik": x * np.cos(yaw) + y * np.sin(yaw) - ahead_m,
+                    "jl": y * np.cos(yaw) - x * np.sin(yaw),
+                    "yh": z,
+                    "uo": -math.remainder(yaw, math.tau),
+                }
+                keys = max(ways, key=lambda name: abs(ways[name]))
+                if abs(ways[keys]) < most:
+                    return
+                shown.keyboard.press(keys[0] if ways[keys] > 0 else keys[1])
+                shown.wait_for_timeout(500)
+
+        drive_to(0.2, 0.04)
+        drive_to(0.01, 0.03)
+        shown.keyboard.press("n")
+        shown.wait_for_timeout(1500)
+        for _ in range(60):
+            shown.keyboard.press("k")
+            shown.wait_for_timeout(150)
+            if page.player.at_end:
+                break
+        state_is(shown, "· solved")
+    finally:
+        is_over.set()
+        thread.join()
 
 
 def test_two_browsers_show_the_same(view: Any, open_page: Any) -> None:
