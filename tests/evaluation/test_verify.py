@@ -190,6 +190,17 @@ FORGED: dict[str, Callable[[Report], Report]] = {
     "task": header(task="OpenCabinetDoor"),
     "configuration": lambda report: header(config=report.config | {"episode_steps": 21})(report),
     "version": lambda report: header(versions=report.versions | {"numpy": "1.0.0"})(report),
+    "track": header(track="no-interactions"),
+    "interval by one digit": lambda report: total(
+        interval=(report.total.interval[0], float(np.nextafter(report.total.interval[1], 0.0)))
+    )(report),
+    "actions of another object": lambda report: with_episodes(
+        report,
+        [
+            replace(one, actions=other.actions)
+            for one, other in zip(report.episodes, reversed(report.episodes), strict=True)
+        ],
+    ),
     "speed": lambda report: header(timing=report.timing | {"steps_per_s": 1.5})(report),
     "last digits of an action": last_digits,
     "an action more": longer,

@@ -82,7 +82,7 @@ def cell(content: str, head: str = "", kind: str = "number") -> str:
     Args:
         content: HTML.
         head: of the column, HTML.
-        kind: `number`, `name`, `wide`, `picture` or `empty`.
+        kind: `number`, `name` (with `words` if they must not break), `wide`, `picture` or `empty`.
     """
     named = f' data-head="{head}"' if head else ""
     return f'<td role="cell" class="{kind}"{named}>{content}</td>'

@@ -187,7 +187,7 @@ def leaderboard_page(board: Leaderboard, home: Path) -> bytes:
 def _group(name: str, entries: Sequence[Entry], home: Path) -> str:
     """Return the table of one protocol."""
     best = next((entry for entry in entries if entry.is_ranked), None)
-    heads = [("Rank", "number"), ("Policy", "name"), ("Track", "name words"), ("Solved", "number")]
+    heads = [("Rank", "number"), ("Policy", "name"), ("Track", "name"), ("Solved", "number")]
     heads += [("Rate and 95 % interval", "wide"), ("Points from the best", "name"), ("Checked", "name")]
     rates = [entry.report.success_rate for entry in entries if entry.is_ranked]
     body = []
@@ -210,7 +210,7 @@ def _entry_row(entry: Entry, rank: str, best: Entry | None, group: Sequence[Entr
         [
             cell(rank, "Rank"),
             f'<th role="rowheader" scope="row">{_policy_name(entry, group, home)}</th>',
-            cell(text(report.track or "not said"), "Track", "name"),
+            cell(text(report.track or "not said"), "Track", "name words"),
             cell(f"{report.successes}/{report.episodes}", "Solved"),
             cell(f"{rate}{rate_bar(report.success_rate, report.interval)}{spread}", kind="wide"),
             cell(_difference(entry, best), "Points from the best", "name"),

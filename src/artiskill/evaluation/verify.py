@@ -336,6 +336,8 @@ def _changed(stored: ReportFolder) -> Iterator[str]:
     digest = mapping_sha256(stored.mapping)
     if stored.report.sha256 != digest:
         yield f"{REPORT_JSON} was changed: its content's sha256 is {digest}, not {stored.report.sha256}"
+    if stored.report.track in TRACKS and stored.report.obs_mode == "state":
+        yield f"track {stored.report.track!r} is of policies that see 'pointcloud' or 'rgbd', not 'state'"
     python = {"python": ""}  # the bits do not depend on it
     if other := differing(stored.report.versions | python, versions() | python):
         yield f"made with other versions, which may give other numbers: {'; '.join(other)}"
