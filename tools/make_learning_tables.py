@@ -35,9 +35,9 @@ from learning_tables.cells import (
     place_of,
 )
 from learning_tables.estimates import Estimator
-from learning_tables.markdown import tables_text, write_between, write_rows
+from learning_tables.markdown import tables_text, write_between
 from learning_tables.queue import CommandError, Queue, locked
-from learning_tables.results import CSV_HEAD, Result, csv_rows, read_csv_rows, read_results
+from learning_tables.results import CSV_HEAD, Result, csv_rows, read_csv_rows, read_results, write_rows
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "learning.md"
 TABLE = Path("data", "learning.csv")  # beside the page

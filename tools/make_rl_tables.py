@@ -8,8 +8,6 @@ Finished runs stay in docs/data/reinforcement.csv, also without the work folder;
 import argparse
 import csv
 import os
-import shlex
-import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -21,8 +19,9 @@ from artiskill.files import read_text
 from artiskill.gallery.facts import markdown
 from artiskill.jobs.parallel import available_cores
 from learning_tables.cells import TASKS
-from learning_tables.markdown import write_between, write_rows
-from learning_tables.results import read_measured
+from learning_tables.markdown import write_between
+from learning_tables.results import read_measured, read_rows, write_rows
+from make_track_tables import call
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE, EXPERTS = DOCS / "reinforcement_learning.md", DOCS / "data" / "experts.csv"
@@ -162,17 +161,6 @@ def evaluate_command(policy: Policy, split: str, work: Path) -> list[str]:
     return [*command, "--out", str(folder / split), "--workers", "1"]
 
 
-def call(command: list[str], environment: dict[str, str]) -> bool:
-    """Run one of the package's commands; return whether it succeeded."""
-    print(f"$ {shlex.join(['artiskill', *command])}", flush=True)
-    done = subprocess.run(
-        [sys.executable, "-m", "artiskill", *command], env=environment, stdout=subprocess.DEVNULL, check=False
-    )
-    if done.returncode:
-        print(f"failed, exit status {done.returncode}: {shlex.join(command)}", file=sys.stderr, flush=True)
-    return not done.returncode
-
-
 def rows_of(policies: Sequence[Policy], work: Path) -> Iterator[dict[str, str]]:
     """Yield a row of the CSV file per finished policy and split."""
     for policy in policies:
@@ -192,10 +180,10 @@ def write_tables(policies: Sequence[Policy], work: Path, page: Path) -> None:
     """Write the CSV file, older rows included, and what stands between the marks of the page.
 
     Raises:
-        ConfigError: the page cannot be read, or lacks the marks.
+        ConfigError: the page cannot be read, or lacks the marks; the CSV file has other columns.
     """
     path = page.parent / TABLE
-    before = list(csv.DictReader(read_text(path).splitlines())) if path.is_file() else []
+    before = read_rows(path, CSV_HEAD)
     found = {tuple(row[name] for name in KEY): row for row in (*before, *rows_of(policies, work))}
     rows = [found[key] for key in sorted(found)]
     write_between(page, BEGIN, END, tables_text(rows))

@@ -7,7 +7,6 @@ Policies whose rows are in the CSV file of the page are finished: without them t
 """
 
 import argparse
-import csv
 import os
 import shlex
 import subprocess
@@ -25,8 +24,8 @@ from artiskill.gallery.facts import markdown
 from artiskill.jobs.parallel import available_cores
 from artiskill.learning.training_set import is_training_set
 from learning_tables.cells import TASKS
-from learning_tables.markdown import sum_of, write_between, write_rows
-from learning_tables.results import Measured, read_measured
+from learning_tables.markdown import sum_of, write_between
+from learning_tables.results import Measured, read_measured, read_rows, write_rows
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "learning.md"
 TABLE = Path("data", "tracks.csv")  # beside the page
@@ -169,25 +168,14 @@ def read_csv(path: Path) -> dict[Policy, dict[str, Measured]]:
     """Return what a CSV file says that policies reached, by split; nothing if there is none.
 
     Raises:
-        ConfigError: it has other columns, or texts where numbers belong.
+        ConfigError: it has other columns.
     """
     found: dict[Policy, dict[str, Measured]] = {}
-    if not path.is_file():
-        return found
-    try:
-        with path.open(encoding="utf-8", newline="") as file:
-            reader = csv.DictReader(file)
-            if reader.fieldnames != CSV_HEAD:
-                raise ValueError(f"columns are {', '.join(CSV_HEAD)}")
-            for row in reader:
-                splits = found.setdefault(Policy(row["track"], row["task"], int(row["seed"])), {})
-                one = splits.setdefault(row["split"], Measured(Counter(), Counter(), 0.0))
-                one.episodes[row["object"]] = int(row["episodes"])
-                one.successes[row["object"]] = int(row["successes"])
-    except (ValueError, TypeError) as error:
-        raise ConfigError(
-            f"{str(path)!r} is no table of this script ({error}); remove it to begin anew"
-        ) from error
+    for row in read_rows(path, CSV_HEAD):
+        splits = found.setdefault(Policy(row["track"], row["task"], int(row["seed"])), {})
+        one = splits.setdefault(row["split"], Measured(Counter(), Counter(), 0.0))
+        one.episodes[row["object"]] = int(row["episodes"])
+        one.successes[row["object"]] = int(row["successes"])
     return found
 
 

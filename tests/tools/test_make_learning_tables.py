@@ -98,7 +98,7 @@ def test_a_table_that_is_not_of_this_script(
     (page.parent / "data").mkdir()
     (page.parent / "data" / "learning.csv").write_text("table,task\na,b\n")
     assert main() == 2
-    assert "is no table of this script (columns are table, task, network" in capsys.readouterr().err
+    assert "is no table of this script: its columns are not table, task, network" in capsys.readouterr().err
     assert called() == []
 
 

@@ -1,6 +1,5 @@
 """The tables as Markdown, for docs/learning.md, and how they get there."""
 
-import csv
 import functools
 import operator
 from collections.abc import Iterable, Sequence
@@ -164,10 +163,3 @@ def write_between(page: Path, begin: str, end: str, made: str) -> None:
     _, _, after = rest.partition(end)
     with atomic_write(page) as path:
         path.write_text(f"{before}{begin}\n\n{made}\n\n{end}{after}", encoding="utf-8")
-
-
-def write_rows(path: Path, rows: Iterable[Sequence[str]]) -> None:
-    """Write a CSV file, and its folder if there is none."""
-    path.parent.mkdir(exist_ok=True)
-    with atomic_write(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
-        csv.writer(file, lineterminator="\n").writerows(rows)

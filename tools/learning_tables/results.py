@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from artiskill.errors import ConfigError
-from artiskill.files import parse_json, read_bytes
+from artiskill.files import atomic_write, parse_json, read_bytes, read_text
 from learning_tables.cells import METHODS, SPLITS_OF, TASKS, A, Cell, Method, Settings, place_of
 
 RESAMPLES = 10_000
@@ -137,22 +137,11 @@ def read_csv_rows(path: Path, settings: Settings) -> list[Result]:
     """Return the cells whose rows are in a CSV file that `csv_rows` wrote, but for those of other settings.
 
     Raises:
-        ConfigError: it has other columns, or texts where numbers belong.
+        ConfigError: it has other columns.
     """
-    if not path.is_file():
-        return []
     found: dict[Cell, Result] = {}
-    try:
-        with path.open(encoding="utf-8", newline="") as file:
-            reader = csv.DictReader(file)
-            if reader.fieldnames != CSV_HEAD:
-                raise ValueError(f"columns are {', '.join(CSV_HEAD)}")
-            for row in reader:
-                _add_row(found, row, settings)
-    except (ValueError, TypeError) as error:
-        raise ConfigError(
-            f"{str(path)!r} is no table of this script ({error}); remove it to begin anew"
-        ) from error
+    for row in read_rows(path, CSV_HEAD):
+        _add_row(found, row, settings)
     return list(found.values())
 
 
@@ -178,3 +167,24 @@ def _add_row(found: dict[Cell, Result], row: dict[str, str], settings: Settings)
 
 def _demonstrations(cell: Cell, settings: Settings) -> str:
     return cell.column if cell.table == A else f"{settings.per_object} per object"
+
+
+def write_rows(path: Path, rows: Iterable[Sequence[str]]) -> None:
+    """Write a CSV file, and its folder if there is none."""
+    path.parent.mkdir(exist_ok=True)
+    with atomic_write(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows(rows)
+
+
+def read_rows(path: Path, head: list[str]) -> list[dict[str, str]]:
+    """Return the rows that `write_rows` wrote; none if there is no file.
+
+    Raises:
+        ConfigError: it has other columns.
+    """
+    if not path.is_file():
+        return []
+    reader = csv.DictReader(read_text(path).splitlines())
+    if reader.fieldnames != head:
+        raise ConfigError(f"{str(path)!r} is no table of this script: its columns are not {', '.join(head)}")
+    return list(reader)

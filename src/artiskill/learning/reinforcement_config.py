@@ -11,7 +11,6 @@ from artiskill.config import (
     check_not_negative,
     check_positive,
     check_value,
-    differing,
     from_layers,
     from_mapping,
     load_yaml,
@@ -21,12 +20,12 @@ from artiskill.config import (
 from artiskill.envs.options import env_count
 from artiskill.errors import ConfigError, RunError, check_name
 from artiskill.learning.run import CONFIG
+from artiskill.learning.train_config import check_same_values
 from artiskill.tasks.levels import check_level
 from artiskill.tasks.registry import task_spec
 
 _FOLDER = CONFIG_DIR / "learning"
 _MOST_STEPS = 10**9
-_MOST_NAMED = 5  # differences
 
 
 @dataclass(frozen=True)
@@ -152,13 +151,7 @@ class ReinforcementConfig:
         """Raise `RunError` if a run with these values cannot go on with other ones, but for more steps."""
         ours, theirs = to_mapping(self), to_mapping(other)
         theirs["steps"] = min(ours["steps"], theirs["steps"])
-        found = differing(ours, theirs)
-        if found:
-            more = [f"and {len(found) - _MOST_NAMED} more"] if len(found) > _MOST_NAMED else []
-            raise RunError(
-                f"{str(folder)!r} holds a run of other values ({'; '.join(found[:_MOST_NAMED] + more)}); "
-                "choose another folder, or the values of before"
-            )
+        check_same_values(ours, theirs, folder)
 
 
 def load_reinforcement_config(

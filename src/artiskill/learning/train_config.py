@@ -115,13 +115,18 @@ class TrainConfig:
         ours, theirs = to_mapping(self), to_mapping(other)
         if self.schedule == "constant":
             theirs["steps"] = min(ours["steps"], theirs["steps"])
-        found = differing(ours, theirs)
-        if found:
-            more = [f"and {len(found) - _MOST_NAMED} more"] if len(found) > _MOST_NAMED else []
-            raise RunError(
-                f"{str(folder)!r} holds a run of other values ({'; '.join(found[:_MOST_NAMED] + more)}); "
-                "choose another folder, or the values of before"
-            )
+        check_same_values(ours, theirs, folder)
+
+
+def check_same_values(ours: Mapping[str, Any], theirs: Mapping[str, Any], folder: Path) -> None:
+    """Raise `RunError` if values differ from those of the run in a folder."""
+    found = differing(ours, theirs)
+    if found:
+        more = [f"and {len(found) - _MOST_NAMED} more"] if len(found) > _MOST_NAMED else []
+        raise RunError(
+            f"{str(folder)!r} holds a run of other values ({'; '.join(found[:_MOST_NAMED] + more)}); "
+            "choose another folder, or the values of before"
+        )
 
 
 def load_train_config(

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from learning_tables.cells import A, B, Cell, Method, Settings
-from learning_tables.markdown import drawer_table, tables_text, tasks_table, write_rows
+from learning_tables.markdown import drawer_table, tables_text, tasks_table
 from learning_tables.results import (
     CSV_HEAD,
     Measured,
@@ -16,6 +16,7 @@ from learning_tables.results import (
     csv_rows,
     read_csv_rows,
     read_results,
+    write_rows,
 )
 
 SMALL = Method("small", "bc")
