@@ -14,8 +14,7 @@ from artiskill.learning.algorithm import Algorithm
 from artiskill.learning.array_policy import Header, check_policy_path, make_actor, write_policy
 from artiskill.learning.batch import Observation
 from artiskill.learning.checkpoints import load_weights, make_algorithm, read_content
-from artiskill.learning.reinforcement_config import REINFORCEMENT
-from artiskill.learning.run import RunInfo, read_info, run_folder, weights_file
+from artiskill.learning.run import FROM_STATE, RunInfo, read_info, run_folder, weights_file
 from artiskill.learning.train_config import TrainConfig, read_train_config
 
 if TYPE_CHECKING:  # it needs the engine's kernels
@@ -136,7 +135,7 @@ def load_trained(run: Path | str) -> tuple[RunInfo, TrainConfig, Algorithm]:
     """
     weights, folder = weights_file(run), run_folder(run)
     info = read_info(folder)
-    if info.algorithm in REINFORCEMENT:
+    if info.algorithm in FROM_STATE:
         raise PolicyError(f"{str(folder)!r} learned from the state; only policies of point clouds are exported")
     config = read_train_config(folder)
     try:

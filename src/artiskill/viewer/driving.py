@@ -45,10 +45,8 @@ _WAYS = {
 }
 _FINGERS_KEY, _PAIR_KEY, _NEARER_KEY, _FARTHER_KEY = "N", "B", "G", "T"
 _OPEN_MM, _GIZMO_M = 40, 0.25  # a finger from the middle; the size of a gizmo
-_PAIR_M, _APART_CM = (
-    (0.65, 0.15, 0.7),
-    (5, 90),
-)  # a pair: ahead of the base, above the lift, apart; and how far apart
+_PAIR_M = (0.65, 0.15, 0.7)  # a new pair: ahead of the base, above the lift, apart
+_APART_CM = (5, 90)
 _RIGHT_LEFT = np.array((-1.0, 1.0))  # where the arms are, along the y axis of a pair
 _DOWN = np.array((0.0, 0.0, -1.0))
 # of the hands in a pair's axes, columns: they point at each other, their fingers beside each other
