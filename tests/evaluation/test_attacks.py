@@ -51,7 +51,7 @@ def channel():
     return socket.socket(fileno=os.dup(int(sys.argv[1])))
 
 def frame(kind, body, length=None):
-    channel().sendall(struct.pack("=cI", kind, len(body) if length is None else length) + body)
+    channel().sendall(struct.pack("=cxxxI", kind, len(body) if length is None else length) + body)
 
 class Policy:
     obs_mode = "state"
@@ -156,7 +156,7 @@ ATTACKS = {
     "huge length": Attack("frame(b'a', b'', 4_000_000_000)\ntime.sleep(9)", BROKEN + "it answers with 4000000000"),
     "half a frame": Attack("frame(b'a', bytes(50), 104)\ntime.sleep(9)", LATE),
     "drop by drop": Attack(
-        "channel().sendall(struct.pack('=cI', b'a', 104))\n"
+        "channel().sendall(struct.pack('=cxxxI', b'a', 104))\n"
         "for _ in range(104):\n    channel().sendall(bytes(1))\n    time.sleep(0.2)",
         LATE,
         takes_long=True,
@@ -164,7 +164,7 @@ ATTACKS = {
     "not a number": Attack("frame(b'a', struct.pack('13d', *[float('nan')] * 13))\ntime.sleep(9)", BROKEN),
     "another kind": Attack("frame(b'd', b'null')\ntime.sleep(9)", BROKEN + "it answers b'd'"),
     "two answers": Attack(  # at once: the second would else be the answer to the next question
-        "channel().sendall(2 * (struct.pack('=cI', b'a', action.nbytes) + action.tobytes()))\ntime.sleep(9)",
+        "channel().sendall(2 * (struct.pack('=cxxxI', b'a', action.nbytes) + action.tobytes()))\ntime.sleep(9)",
         BROKEN + "it talks ",
     ),
     "talks from a thread": Attack(

@@ -236,7 +236,7 @@ def test_nothing_of_the_evaluator_is_in_the_process(solution: Write) -> None:
 
 
 HEAD = "import os, struct, sys, socket, time\nchannel = socket.socket(fileno=int(sys.argv[1]))\n"
-SEND = "channel.sendall(struct.pack('=cI', {kind!r}, {length}) + {body})\n"
+SEND = "channel.sendall(struct.pack('=cxxxI', {kind!r}, {length}) + {body})\n"
 BROKEN = "its process does not keep to the protocol"
 # what the policy does in its third step, and what is said of it
 LIES = {

@@ -14,7 +14,7 @@ import numpy as np
 
 from artiskill.demos.demonstrator import FAULTS, fault_kind, fault_text
 from artiskill.demos.recording import digest_of
-from artiskill.envs.control import Control, check_action
+from artiskill.envs.control import Control
 from artiskill.envs.core import Episodes
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
 from artiskill.envs.sampling import EpisodeSampler
@@ -34,6 +34,7 @@ from artiskill.evaluation.remote import RemoteActor, RemotePolicy
 from artiskill.evaluation.report import Report, make_report
 from artiskill.evaluation.sandbox import SandboxConfig
 from artiskill.evaluation.statistics import EpisodeResult
+from artiskill.geometry.arrays import clip
 from artiskill.jobs.fork_server import fork_server
 from artiskill.jobs.parallel import check_workers, run_jobs
 from artiskill.jobs.worker import Send
@@ -243,9 +244,9 @@ def run_episode(
         on_step(env, steps, done)
         while not done:
             start = time.perf_counter()
-            action = check_action(actor.act(env, observation), env.control.size)
+            action = actor.act(env, observation)
             act_s.append(math.nan if actor.from_chunk else time.perf_counter() - start)
-            actions.append(np.clip(action, -1.0, 1.0))
+            actions.append(np.array(action, np.float64))  # its own: a policy may write into the same array again
             observation, reward, terminated, truncated, info = env.step(action)
             steps, done, reward_sum = steps + 1, terminated or truncated, reward_sum + reward
             on_step(env, steps, done)
@@ -274,7 +275,7 @@ def _outcome(
         fault=fault,
         reward_sum=reward_sum,
         digest="" if fault else final_digest(env.save_state()),
-        actions=np.array(actions).reshape(-1, env.control.size),
+        actions=clip(np.array(actions).reshape(-1, env.control.size), -1.0, 1.0),
     )
 
 

@@ -11,10 +11,11 @@ import os
 import select
 import signal
 import socket
+import struct
 import subprocess
 import time
 import weakref
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,8 @@ from artiskill.tasks.registry import SEEN_SECTIONS
 
 _DECLARED = ("obs_mode", "control_mode", "sampling", "observation_config")
 _MOST_SAID, _MOST_TEXT = 100_000, 500  # bytes of a frame that is not an action; characters of what it complains of
+_NUMBER_BYTES = 8  # of a number of an action
+_MOST_AT_ONCE = 4096  # bytes: an answer has some hundred
 _ENDING_S = 1.0  # for a process whose socket is closed
 _MOST_LINES = 10_000_000
 _NOW = socket.MSG_DONTWAIT | getattr(socket, "MSG_NOSIGNAL", 0)  # macOS has none, and needs none
@@ -102,11 +105,11 @@ class Solution:
         Raises:
             PolicyError: `act` raises, or what it returns is no legal action.
         """
-        where = f"{self._where}, step {self._step}"
         self._step += 1
         try:
             return self._next(observation, shape[0])
         except SolutionError as fault:
+            where = f"{self._where}, step {self._step - 1}"
             raise policy_error(self.name, fault, where) from fault.__cause__
 
     def close(self) -> None:
@@ -190,17 +193,18 @@ class FileSolution(Solution):
 
     def _begin(self, observation: Any, info: Mapping[str, Any]) -> None:
         self._rest_s = self._limits.episode_timeout_s
-        arrays = list(_arrays_in(observation))
-        layout = [[keys, array.dtype.str, list(array.shape)] for keys, array in arrays]
-        self._tell(layout, self._layout[1])
-        self._timed(wire.RESET, _packed(arrays), wire.DONE, 0, "reset() has not ended")
+        layout = [[keys, array.dtype.str, list(array.shape)] for keys, array in _arrays_in(observation)]
+        if layout != self._layout[0]:
+            self._tell(layout, self._layout[1])
+        self._timed(wire.RESET, _packed(observation), wire.DONE, 0, "reset() has not ended")
 
     def _next(self, observation: Any, size: int) -> np.ndarray:
-        self._tell(self._layout[0], size)
-        wanted = size * np.dtype(np.float64).itemsize
-        said = self._timed(wire.ACT, _packed(_arrays_in(observation)), wire.ACTION, wanted, "no action")
+        if size != self._layout[1]:
+            self._tell(self._layout[0], size)
+        wanted = size * _NUMBER_BYTES
+        said = self._timed(wire.ACT, _packed(observation), wire.ACTION, wanted, "no action")
         action = np.frombuffer(said, np.float64) if len(said) == wanted else np.array([np.nan])
-        if not np.isfinite(action).all():
+        if not np.logical_and.reduce(np.isfinite(action)):
             raise SolutionError(f"{_BROKEN}: an action of {len(said)} bytes, {wanted} of finite numbers are legal")
         return action
 
@@ -218,10 +222,9 @@ class FileSolution(Solution):
             self._rest_s = max(0.0, self._rest_s - (time.monotonic() - start_s))
 
     def _tell(self, layout: list[Any], size: int) -> None:
-        """Say where arrays are in an observation, and how many numbers an action has, if that is news."""
-        if [layout, size] != self._layout:
-            self._layout = [layout, size]
-            self._timed(wire.LAYOUT, _json(self._layout), wire.DONE, 0, "no answer")
+        """Say where arrays are in an observation, and how many numbers an action has."""
+        self._layout = [layout, size]
+        self._timed(wire.LAYOUT, _json(self._layout), wire.DONE, 0, "no answer")
 
 
 def _open_process(path: Path, sandbox: SandboxConfig) -> tuple["_Process", Confinement]:
@@ -258,7 +261,7 @@ class _Process:
         self._poll.register(self._channel, select.POLLIN | select.POLLOUT)
         self._readable = select.poll()
         self._readable.register(self._channel, select.POLLIN)
-        self._end_s = math.inf
+        self._end_s = self._receiving_s = math.inf
 
     def ask(self, kind: bytes, body: bytes, answer: bytes, most_bytes: int, limit_s: float = math.inf) -> bytes:
         """Send a frame and return the content of the answer.
@@ -277,22 +280,27 @@ class _Process:
         self._end_s = time.monotonic() + limit_s
         try:
             self._send(wire.HEADER.pack(kind, len(body)) + body)
+            self._limit_receiving(limit_s)
             return self._receive(answer, most_bytes)
         except (BrokenPipeError, ConnectionResetError):
             raise SolutionError(self._how_it_ended()) from None
 
     def _send(self, frame: bytes) -> None:
         """Send a frame to a process that must listen now: one that talks instead would have both wait forever."""
-        rest = memoryview(frame)
-        while rest:
+        while True:
             if self._wait(self._poll) & ~select.POLLOUT:
                 self._check_silent()
-            rest = rest[self._channel.send(rest, _NOW) :]
+            sent = self._channel.send(frame, _NOW)
+            if sent == len(frame):
+                return
+            frame = frame[sent:]
 
     def _wait(self, poll: select.poll) -> int:
         """Wait for the socket, but not beyond the time limit, and return what has become of it."""
-        rest_s = self._end_s - time.monotonic()
-        events = poll.poll(None if rest_s == math.inf else max(0.0, rest_s * 1000.0))
+        events = poll.poll(0)
+        if not events:
+            rest_s = self._end_s - time.monotonic()
+            events = poll.poll(None if rest_s == math.inf else max(0.0, rest_s * 1000.0))
         if not events:
             raise TimeoutError
         return events[0][1]
@@ -301,9 +309,17 @@ class _Process:
         said = self._channel.recv(wire.HEADER.size, socket.MSG_PEEK | socket.MSG_DONTWAIT)
         raise SolutionError(f"{_BROKEN}: it talks before it is asked" if said else self._how_it_ended())
 
+    def _limit_receiving(self, limit_s: float) -> None:
+        """Have the first `recv` of an answer wait so long, without a call before it that waits."""
+        if limit_s != self._receiving_s:
+            self._receiving_s = limit_s
+            whole, part = divmod(limit_s, 1.0) if limit_s != math.inf else (0.0, 0.0)  # none
+            value = struct.pack("ll", int(whole), max(1, int(1e6 * part)) if limit_s != math.inf else 0)
+            self._channel.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, value)
+
     def _receive(self, answer: bytes, most_bytes: int) -> bytes:
         """Read a frame: no byte more than it may have."""
-        found = self._read(b"", wire.HEADER.size)
+        found = self._read(self._part(), wire.HEADER.size)
         kind, length = wire.HEADER.unpack_from(found)
         if kind not in (answer, wire.FAULT):
             raise SolutionError(f"{_BROKEN}: it answers {kind!r}, not {answer!r}")
@@ -317,14 +333,21 @@ class _Process:
         return body
 
     def _read(self, found: bytes, count: int) -> bytes:
-        """Return at least so many bytes, of which some may have come already."""
+        """Return at least so many bytes, of which some have come already."""
         while len(found) < count:
             self._wait(self._readable)
-            part = self._channel.recv(_MOST_SAID)
-            if not part:
-                raise SolutionError(self._how_it_ended())
-            found += part
+            found += self._part()
         return found
+
+    def _part(self) -> bytes:
+        """Return the next bytes."""
+        try:
+            part = self._channel.recv(_MOST_AT_ONCE)
+        except BlockingIOError:  # nothing came within the limit
+            raise TimeoutError from None
+        if not part:
+            raise SolutionError(self._how_it_ended())
+        return part
 
     def _how_it_ended(self) -> str:
         """Return the exit status or signal of a process that closed its end."""
@@ -402,12 +425,11 @@ def _arrays_in(observation: Any) -> Iterator[tuple[list[str], np.ndarray]]:
             yield [key, *keys], array
 
 
-def _packed(arrays: Iterable[tuple[list[str], np.ndarray]]) -> bytes:
-    """Return the bytes of arrays, each filled up to `ALIGNMENT`."""
-    parts = []
-    for _, array in arrays:
-        parts += [array.tobytes(), bytes(-array.nbytes % wire.ALIGNMENT)]
-    return b"".join(parts)
+def _packed(observation: Any) -> bytes:
+    """Return the bytes of an observation's arrays, each filled up to `ALIGNMENT`."""
+    if isinstance(observation, np.ndarray):
+        return observation.tobytes() + bytes(-observation.nbytes % wire.ALIGNMENT)
+    return b"".join(map(_packed, observation.values()))
 
 
 def _checked_sampling(given: Any, name: str, obs_mode: str | None) -> Sampling | None:

@@ -4,13 +4,15 @@ The program needs Python and NumPy and nothing of this package. `sandbox_process
 sent the file's path, then observations, and answers each with an action. It is told neither object nor target nor
 level, and seeds Python's and NumPy's global generators from the episode's number, which it counts itself.
 
-A frame, in either direction, is a letter, the number of the bytes that follow (four, in the machine's order), and
-these bytes. Every frame of the evaluator is answered by exactly one.
+A frame, in either direction, is a header and a content: a letter, three bytes that mean nothing, the number of the
+content's bytes (four, in the machine's order), and these bytes. Every frame of the evaluator is answered by one.
+This happens in every step, and finds the processor's caches full of the simulation: the less code, the faster.
 """
 
 import dataclasses
 import inspect
 import json
+import math
 import os
 import random
 import signal
@@ -21,11 +23,11 @@ import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-HEADER = struct.Struct("=cI")
+HEADER = struct.Struct("=cxxxI")  # as long as `ALIGNMENT`
 # of the evaluator: what confines you; file; where arrays are in an observation; the first one, and a later one
 CONFINE, START, LAYOUT, RESET, ACT = b"C", b"S", b"L", b"R", b"A"
 # of the policy: what confines it; what it declares; all done; an action, float64; what went wrong
@@ -103,16 +105,21 @@ class SolutionCode:
         Raises:
             SolutionError: `act` raises, or what it returns is no legal action.
         """
-        action = guarded(lambda: self._act(observation), self._file, f"{self._act_name}() raised")
-        legal = f"an action is {size} finite numbers in [-1, 1]"
+        try:
+            action = self._act(observation)
+        except BaseException as error:
+            raise fault(error, self._file, f"{self._act_name}() raised") from error
         try:
             array = np.asarray(action, dtype=np.float64)
         except Exception as error:  # what a foreign type raises when it is no array cannot be listed
             given = f"{type(action).__name__}, not an array ({_one_line(error)})"
-            raise SolutionError(f"{self._act_name}() returned {given}; {legal}") from error
-        if action is None or array.shape != (size,) or not np.isfinite(array).all():
-            raise SolutionError(f"{self._act_name}() returned {_describe(action, array, size)}; {legal}")
+            raise SolutionError(self._illegal(given, size)) from error
+        if action is None or array.shape != (size,) or not np.logical_and.reduce(np.isfinite(array)):
+            raise SolutionError(self._illegal(_describe(action, array, size), size))
         return array
+
+    def _illegal(self, given: str, size: int) -> str:
+        return f"{self._act_name}() returned {given}; an action is {size} finite numbers in [-1, 1]"
 
 
 def _describe(action: Any, array: np.ndarray, size: int) -> str:
@@ -133,10 +140,19 @@ def guarded(call: Callable[[], Any], file: str, what: str) -> Any:
     """
     try:
         return call()
-    except BaseException as error:  # anything may come out of foreign code, sys.exit() included
-        if isinstance(error, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
-            raise
-        raise SolutionError(f"{what} {_one_line(error)}", _line_of(error, file)) from error
+    except BaseException as error:
+        raise fault(error, file, what) from error
+
+
+def fault(error: BaseException, file: str, what: str) -> SolutionError:
+    """Return what came out of foreign code, `sys.exit()` included, as a fault of it.
+
+    Raises:
+        KeyboardInterrupt: it is one, in a process that Ctrl-C reaches.
+    """
+    if isinstance(error, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        raise error
+    return SolutionError(f"{what} {_one_line(error)}", _line_of(error, file))
 
 
 def _line_of(error: BaseException, file: str) -> int | None:
@@ -248,25 +264,45 @@ def _serve(channel: socket.socket, confined: bytes) -> None:
     os.set_inheritable(channel.fileno(), False)
     _receive(channel)
     _send(channel, CONFINED, confined)
-    _, body = _receive(channel)
-    job = json.loads(body)
+    job = json.loads(_receive(channel)[1][HEADER.size :])
     random.seed(0)
     np.random.seed(0)  # noqa: NPY002 - for solutions that draw from it
     code = load_solution(job["file"], job["user_policy"])
     _send(channel, DECLARED, json.dumps(code.declared, default=_plain).encode())
-    layout: list[tuple[list[str], str, list[int]]] = []
-    size, episode = 0, 0
+    layout: list[_Place] = []
+    size, episode, most_bytes = 0, 0, 0
     while True:
-        kind, body = _receive(channel)
-        if kind == LAYOUT:
-            layout, size = json.loads(body)
-            _send(channel, DONE, b"")
-        elif kind == RESET:
-            code.reset(_observation(body, layout), {"episode": episode}, episode)
-            episode += 1
+        kind, frame = _receive(channel, most_bytes)
+        if kind == ACT:
+            _send(channel, ACTION, code.act(_observation(frame, layout), size).tobytes())
+        elif kind == LAYOUT:
+            arrays, size = json.loads(frame[HEADER.size :])
+            layout, most_bytes = _places(arrays)
             _send(channel, DONE, b"")
         else:
-            _send(channel, ACTION, code.act(_observation(body, layout), size).tobytes())
+            code.reset(_observation(frame, layout), {"episode": episode}, episode)
+            episode += 1
+            _send(channel, DONE, b"")
+
+
+class _Place(NamedTuple):
+    """Where an array of the observation stands in a frame's content: `offset` bytes from its beginning."""
+
+    keys: list[str]
+    dtype: np.dtype[Any]
+    shape: tuple[int, ...]
+    entries: int
+    offset: int
+
+
+def _places(arrays: list[tuple[list[str], str, list[int]]]) -> tuple[list[_Place], int]:
+    """Return where arrays stand, and how many bytes they take."""
+    places, offset = [], 0
+    for keys, name, shape in arrays:
+        dtype, entries = np.dtype(name), math.prod(shape)
+        places.append(_Place(keys, dtype, tuple(shape), entries, offset))
+        offset += -(-entries * dtype.itemsize // ALIGNMENT) * ALIGNMENT
+    return places, offset
 
 
 def _plain(value: Any) -> Any:
@@ -276,36 +312,43 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else repr(value)
 
 
-def _observation(body: bytearray, layout: list[tuple[list[str], str, list[int]]]) -> Any:
+def _observation(frame: bytearray, layout: list[_Place]) -> Any:
     """Return the observation in a frame, whose arrays may be written to."""
     found: dict[str, Any] = {}
-    offset = 0
-    for keys, dtype, shape in layout:
-        count = int(np.prod(shape, dtype=np.int64))
-        array = np.frombuffer(body, dtype, count, offset).reshape(shape)
-        offset += -(-array.nbytes // ALIGNMENT) * ALIGNMENT
-        if not keys:
+    for place in layout:
+        array = np.frombuffer(frame, place.dtype, place.entries, HEADER.size + place.offset).reshape(place.shape)
+        if not place.keys:
             return array
         level = found
-        for key in keys[:-1]:
+        for key in place.keys[:-1]:
             level = level.setdefault(key, {})
-        level[keys[-1]] = array
+        level[place.keys[-1]] = array
     return found
 
 
-def _receive(channel: socket.socket) -> tuple[bytes, bytearray]:
-    kind, length = HEADER.unpack(_exactly(channel, HEADER.size))
-    return kind, _exactly(channel, length)
+def _receive(channel: socket.socket, likely_bytes: int = 0) -> tuple[bytes, bytearray]:
+    """Return a frame's letter, and the frame, header included.
+
+    Args:
+        channel: to the evaluator, which sends one frame and waits.
+        likely_bytes: of its content; a frame that is no longer comes in one piece.
+    """
+    frame = bytearray(HEADER.size + likely_bytes)
+    found = _read(channel, frame, 0, HEADER.size)
+    kind, length = HEADER.unpack_from(frame)
+    if length != likely_bytes:
+        frame = frame[: HEADER.size + length].ljust(HEADER.size + length)
+    _read(channel, frame, found, len(frame))
+    return kind, frame
 
 
-def _exactly(channel: socket.socket, count: int) -> bytearray:
-    found = bytearray(count)
-    view = memoryview(found)
-    while view:
-        got = channel.recv_into(view)
+def _read(channel: socket.socket, frame: bytearray, found: int, wanted: int) -> int:
+    """Fill a frame on from `found` bytes until it has those wanted, or more, and return how many it has."""
+    while found < wanted:
+        got = channel.recv_into(memoryview(frame)[found:] if found else frame)
         if not got:
             raise EOFError
-        view = view[got:]
+        found += got
     return found
 
 
