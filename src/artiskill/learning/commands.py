@@ -71,6 +71,13 @@ class CommandSpace:
     def _rolls(self) -> int:
         return _ROLLS if self.arms == 1 else 1
 
+    @cached_property
+    def mirrored_kinds(self) -> np.ndarray:
+        """Return which kind each is in a mirror, (K,): the hand rolls the other way."""
+        ways = [0, 2, 1] if self._rolls > 1 else [0]
+        phases = np.arange(len(self.phases))[:, None]
+        return (phases * self._rolls + np.array(ways)).reshape(-1)
+
     @property
     def label_size(self) -> int:
         """How many numbers a command is: motion, widths, grips, kind."""

@@ -18,6 +18,7 @@ from torch.optim import AdamW
 from artiskill.config import check_inside, check_not_negative, check_positive, check_value, from_mapping
 from artiskill.experts.whole_body import Grip
 from artiskill.learning.algorithm import Algorithm, Autocast, MakeNetwork, Sync, descend
+from artiskill.learning.augmentation import AugmentationConfig
 from artiskill.learning.batch import Batch, Observation, Sizes
 from artiskill.learning.commands import GRIPS, CommandSpace
 
@@ -44,6 +45,7 @@ class DAggerConfig:
     expert_rounds: int  # the first ones, in which the expert alone acts
     whole_share: float  # of the later episodes, those in which the policy acts to the end
     takeover_steps: tuple[int, int]  # fewest and most steps of the others after which the expert takes over
+    augmentation: AugmentationConfig
 
     def __post_init__(self) -> None:
         check_positive(self, "learning_rate", "gradient_norm", "error_bend", "points", "rounds", "expert_rounds")

@@ -32,6 +32,7 @@ from artiskill.jobs.fork_server import fork_server
 from artiskill.jobs.parallel import run_jobs
 from artiskill.jobs.worker import Send
 from artiskill.learning.array_policy import make_actor
+from artiskill.learning.augmentation import Augmentation
 from artiskill.learning.batch import Batch, Observation, Sizes, Statistics
 from artiskill.learning.checkpoints import load_weights, make_algorithm, save_weights
 from artiskill.learning.commands import command_space
@@ -153,6 +154,7 @@ class RoundBatches:
         self._round_steps = -(-rollouts.config.steps // values.rounds)
         self._layout = trainer.info.layout
         self._table = Table(rollouts.folder / TABLE, self._step)
+        self._augmentation = Augmentation(values.augmentation, make_actor(trainer.info.commands).space)
         self._rounds = 0  # that were taken in
         self._records = np.zeros(0, self._layout.dtype)
         self._labels = np.zeros((0, 0), np.float32)
@@ -170,9 +172,9 @@ class RoundBatches:
         rng = np.random.Generator(np.random.Philox(key=config.seed, counter=[0, 0, 0, self._step]))
         rows = np.sort(rng.integers(0, len(self._labels), config.batch_size))
         self._step += 1
-        arrays = self._layout.decode(self._records[rows])
+        arrays, labels = self._augmentation(self._layout.decode(self._records[rows]), self._labels[rows], rng)
         seen = Observation(*(torch.from_numpy(one).to(device) for one in arrays))
-        label = torch.from_numpy(self._labels[rows]).to(device)
+        label = torch.from_numpy(labels).to(device)
         zeros = torch.zeros(len(label), device=device)
         return Batch(seen, label, weight=zeros + 1.0, reward=zeros, terminated=zeros, next_observation=None)
 

@@ -1,0 +1,136 @@
+"""What else could have been seen and commanded: variations of steps, for policies that learn from few objects.
+
+A mirrored step is as true as the step itself: world, robot and command, right and left exchanged. A robot with
+one arm, at its side, has no mirror image. The other variations are of what a policy should not care about: how
+large the object is around its handle, which points a sensor happens to give, and how exactly. NumPy only.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from artiskill.config import check_inside, check_not_negative
+from artiskill.errors import ConfigError
+from artiskill.learning.commands import CommandSpace
+from artiskill.learning.observation import ObservationArrays
+
+_TRUNK, _FINGERS, _BASE = 4, 2, 3
+_MIRROR = np.array([1.0, -1.0, 1.0])  # of a place, and a hand's axes: its fingers change places
+_TURN = -_MIRROR  # of an axis that something turns about
+_PANDA = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0])  # its joints, seen in a mirror
+_HAND_RAD = np.pi / 2  # twice what the hand is turned by against the last joint
+
+
+@dataclass(frozen=True)
+class AugmentationConfig:
+    """How steps are varied; zeros leave them as they are."""
+
+    mirror: float  # share of the steps that are mirrored
+    stretch: float  # points in no handle move away from it, or nearer, by up to this share, in each direction
+    jitter_m: float  # standard deviation of each coordinate
+    drop: float  # up to this share of the points is missing
+    unmask: float  # up to this share of the points is in no mask
+
+    def __post_init__(self) -> None:
+        check_not_negative(self, "stretch", "jitter_m")
+        for name in ("mirror", "drop", "unmask"):
+            check_inside(name, getattr(self, name), (0, 1))
+
+
+class Augmentation:
+    """Variations of steps.
+
+    Args:
+        config: how they are varied.
+        space: of the commands.
+
+    Raises:
+        ConfigError: a robot with one arm has no mirror image.
+    """
+
+    def __init__(self, config: AugmentationConfig, space: CommandSpace) -> None:
+        if config.mirror and space.arms == 1:
+            raise ConfigError(
+                "augmentation.mirror is for robots with two arms; with one, at its side, it must be 0"
+            )
+        self.config, self._space = config, space
+
+    def __call__(
+        self, seen: ObservationArrays, labels: np.ndarray, rng: np.random.Generator
+    ) -> tuple[ObservationArrays, np.ndarray]:
+        """Return variations of B steps: what is seen, with points in the robot's frame, and commands (B, V)."""
+        config, (count, points) = self.config, seen.valid.shape
+        if config.mirror:
+            mirrored, other_labels = self.mirrored(seen, labels)
+            chosen = rng.random(count) < config.mirror
+            seen = ObservationArrays(*(_where(chosen, new, old) for new, old in zip(mirrored, seen, strict=True)))
+            labels = _where(chosen, other_labels, labels)
+        moved, masks, valid = seen.points, seen.masks, seen.valid
+        if config.stretch:
+            factors = (1.0 + config.stretch) ** rng.uniform(-1.0, 1.0, (count, 1, 3))
+            moved = _stretched(moved, masks, factors)
+        if config.jitter_m:
+            moved = moved + rng.normal(0.0, config.jitter_m, moved.shape)
+        if config.drop:
+            valid = valid & (rng.random((count, points)) >= config.drop * rng.random((count, 1)))
+        if config.unmask:
+            kept = rng.random((count, points)) >= config.unmask * rng.random((count, 1))
+            masks = masks * kept[..., None].astype(masks.dtype)
+        return seen._replace(points=moved.astype(np.float32), masks=masks, valid=valid), labels
+
+    def mirrored(self, seen: ObservationArrays, labels: np.ndarray) -> tuple[ObservationArrays, np.ndarray]:
+        """Return B steps as a mirror in the plane through the world's x and z axes shows them."""
+        points = seen.points * _MIRROR.astype(np.float32)
+        agent = mirrored_agent(seen.agent, self._space.arms)
+        return seen._replace(points=points, agent=agent), self._mirrored_labels(labels)
+
+    def _mirrored_labels(self, labels: np.ndarray) -> np.ndarray:
+        """Return commands (B, V) as a mirror shows them: right and left change places, and ways to roll."""
+        space, found = self._space, labels.copy()
+        a, m = space.arms, space.motion_size
+        hands = labels[:, : 6 * a].reshape(-1, a, 2, 3)[:, ::-1] * np.stack((_MIRROR, _TURN))
+        found[:, : 6 * a] = hands.reshape(-1, 6 * a)
+        found[:, 6 * a + 1 : 6 * a + 3] *= -1.0  # the trunk's way to the left, and its turn
+        for start in (m, m + a):  # widths, grips
+            found[:, start : start + a] = labels[:, start : start + a][:, ::-1]
+        found[:, -1] = space.mirrored_kinds[labels[:, -1].astype(np.int64)]
+        return found
+
+
+def mirrored_agent(agent: np.ndarray, arms: int) -> np.ndarray:
+    """Return the proprioception (B, S) of robots that a mirror in the world's plane of x and z shows.
+
+    Right and left arm change places, as do the fingers of each hand.
+    """
+    count, tips = len(agent), 6 * arms
+    joints = 1 + arms * (len(_PANDA) + _FINGERS)
+    found = agent.copy()
+    for start in (0, tips):  # positions, velocities
+        fingers = agent[:, start : start + tips].reshape(count, arms, _FINGERS, 3)
+        found[:, start : start + tips] = (fingers[:, ::-1, ::-1] * _MIRROR).reshape(count, -1)
+    base = 2 * tips
+    for start in (base, base + _BASE):
+        found[:, start + 1 : start + 3] *= -1.0  # y and yaw
+    for start, turn in ((base + 2 * _BASE, _HAND_RAD), (base + 2 * _BASE + joints, 0.0)):
+        own = agent[:, start + 1 : start + joints].reshape(count, arms, -1)[:, ::-1]
+        arm, fingers = own[..., : len(_PANDA)] * _PANDA, own[..., len(_PANDA) :][..., ::-1]
+        arm[..., -1] += turn
+        found[:, start + 1 : start + joints] = np.concatenate((arm, fingers), axis=2).reshape(count, -1)
+    return found
+
+
+def _stretched(points: np.ndarray, masks: np.ndarray, factors: np.ndarray) -> np.ndarray:
+    """Return points (B, N, 3) of which those neither in the first mask nor in the last, the robot, have moved.
+
+    They move along the robot's axes, away from the middle of the first mask's points or to it, unless it is empty.
+    """
+    inside = masks[..., 0] > 0
+    count = inside.sum(axis=1)
+    middle = (points * inside[..., None]).sum(axis=1) / np.maximum(count, 1)[:, None]
+    moves = ~inside & (masks[..., -1] == 0) & (count > 0)[:, None]
+    found = middle[:, None] + (points - middle[:, None]) * factors
+    return np.where(moves[..., None], found, points)
+
+
+def _where(chosen: np.ndarray, new: np.ndarray, old: np.ndarray) -> np.ndarray:
+    return np.where(chosen.reshape(-1, *[1] * (old.ndim - 1)), new, old).astype(old.dtype)
