@@ -8,11 +8,6 @@ its own, see `solution_process`, and what comes from there is checked as what a 
 import json
 import math
 import os
-import select
-import signal
-import socket
-import struct
-import subprocess
 import time
 import weakref
 from collections.abc import Iterator, Mapping
@@ -27,27 +22,16 @@ from artiskill.config import from_mapping, to_mapping
 from artiskill.envs.control import CONTROL_MODES, JOINT
 from artiskill.envs.options import OBSERVATION_MODES
 from artiskill.envs.wrappers import Sampling
-from artiskill.errors import ArtiSkillError, ConfigError, PolicyError, UnknownNameError, shown
+from artiskill.errors import ArtiSkillError, PolicyError, UnknownNameError, shown
 from artiskill.evaluation import solution_process as wire
-from artiskill.evaluation.sandbox import (
-    Confinement,
-    SandboxConfig,
-    SandboxedProcess,
-    SandboxError,
-    check_confinement,
-)
+from artiskill.evaluation.sandbox import Confinement, SandboxConfig
+from artiskill.evaluation.solution_channel import BROKEN, MOST_SAID, open_process
 from artiskill.evaluation.solution_process import SolutionCode, SolutionError
 from artiskill.files import open_regular, parse_json
 from artiskill.tasks.registry import SEEN_SECTIONS
 
 _DECLARED = ("obs_mode", "control_mode", "sampling", "observation_config")
-_MOST_SAID, _MOST_TEXT = 100_000, 500  # bytes of a frame that is not an action; characters of what it complains of
 _NUMBER_BYTES = 8  # of a number of an action
-_MOST_AT_ONCE = 4096  # bytes: an answer has some hundred
-_ENDING_S = 1.0  # for a process whose socket is closed
-_MOST_LINES = 10_000_000
-_NOW = socket.MSG_DONTWAIT | getattr(socket, "MSG_NOSIGNAL", 0)  # macOS has none, and needs none
-_BROKEN = "its process does not keep to the protocol"
 
 
 class Solution:
@@ -176,13 +160,13 @@ class FileSolution(Solution):
         except OSError as error:
             raise PolicyError(f"solution file {shown(name)} cannot be read: {error.strerror}") from error
         self._limits = sandbox = sandbox or SandboxConfig()
-        self._process, self.confinement = _open_process(path, sandbox)
+        self._process, self.confinement = open_process(path, sandbox)
         self._end = weakref.finalize(self, self._process.end)
         self._layout: list[Any] = [[], 0]  # of observations, and the size of an action
         self._rest_s = math.inf  # of the episode's time
         job = {"file": os.path.realpath(path), "user_policy": _user_policy(task) if is_user_policy else None}
         try:
-            declared = _declaration(self._process.ask(wire.START, _json(job), wire.DECLARED, _MOST_SAID))
+            declared = _declaration(self._process.ask(wire.START, _json(job), wire.DECLARED, MOST_SAID))
         except SolutionError as fault:
             raise policy_error(name, fault) from fault.__cause__
         super().__init__(name, declared)
@@ -205,7 +189,7 @@ class FileSolution(Solution):
         said = self._timed(wire.ACT, _packed(observation), wire.ACTION, wanted, "no action")
         action = np.frombuffer(said, np.float64) if len(said) == wanted else np.array([np.nan])
         if not np.logical_and.reduce(np.isfinite(action)):
-            raise SolutionError(f"{_BROKEN}: an action of {len(said)} bytes, {wanted} of finite numbers are legal")
+            raise SolutionError(f"{BROKEN}: an action of {len(said)} bytes, {wanted} of finite numbers are legal")
         return action
 
     def _timed(self, kind: bytes, body: bytes, answer: bytes, most_bytes: int, late: str) -> bytes:
@@ -227,138 +211,6 @@ class FileSolution(Solution):
         self._timed(wire.LAYOUT, _json(self._layout), wire.DONE, 0, "no answer")
 
 
-def _open_process(path: Path, sandbox: SandboxConfig) -> tuple["_Process", Confinement]:
-    """Start a solution's process under the best kind of confinement that holds; its code has not been run.
-
-    Raises:
-        ConfigError: none of those that were asked for holds.
-    """
-    passed_over: dict[str, str] = {}
-    for kind in sandbox.kinds:
-        process = None
-        try:
-            process = _Process(SandboxedProcess(path, kind, sandbox))
-            said = process.ask(wire.CONFINE, b"", wire.CONFINED, _MOST_SAID)
-            process.settled()
-            return process, check_confinement(kind, sandbox, said, passed_over)
-        except SandboxError as error:
-            passed_over[kind] = str(error)
-        except SolutionError as error:
-            passed_over[kind] = process.last_words() or error.text if process is not None else error.text
-        if process is not None:
-            process.end()
-    kind, why = list(passed_over.items())[-1]
-    raise ConfigError(f"sandbox {kind!r} does not hold here: {why}; leave the choice out for the best that does")
-
-
-class _Process:
-    """The evaluator's end of a solution's process; what it sends is read with care, and never unpickled."""
-
-    def __init__(self, sandboxed: SandboxedProcess) -> None:
-        self._sandboxed, self._channel, self._process = sandboxed, sandboxed.channel, sandboxed.process
-        self.end, self.settled, self.last_words = sandboxed.end, sandboxed.settled, sandboxed.last_words
-        self._poll = select.poll()
-        self._poll.register(self._channel, select.POLLIN | select.POLLOUT)
-        self._readable = select.poll()
-        self._readable.register(self._channel, select.POLLIN)
-        self._end_s = self._receiving_s = math.inf
-
-    def ask(self, kind: bytes, body: bytes, answer: bytes, most_bytes: int, limit_s: float = math.inf) -> bytes:
-        """Send a frame and return the content of the answer.
-
-        Args:
-            kind: of the frame.
-            body: its content.
-            answer: the kind of frame that must come back.
-            most_bytes: that it may have.
-            limit_s: in which it must have come.
-
-        Raises:
-            TimeoutError: it has not; nothing more can be asked.
-            SolutionError: the policy reports a fault, the process has ended, or it does not keep to the protocol.
-        """
-        self._end_s = time.monotonic() + limit_s
-        try:
-            self._send(wire.HEADER.pack(kind, len(body)) + body)
-            self._limit_receiving(limit_s)
-            return self._receive(answer, most_bytes)
-        except (BrokenPipeError, ConnectionResetError):
-            raise SolutionError(self._how_it_ended()) from None
-
-    def _send(self, frame: bytes) -> None:
-        """Send a frame to a process that must listen now: one that talks instead would have both wait forever."""
-        while True:
-            if self._wait(self._poll) & ~select.POLLOUT:
-                self._check_silent()
-            sent = self._channel.send(frame, _NOW)
-            if sent == len(frame):
-                return
-            frame = frame[sent:]
-
-    def _wait(self, poll: select.poll) -> int:
-        """Wait for the socket, but not beyond the time limit, and return what has become of it."""
-        events = poll.poll(0)
-        if not events:
-            rest_s = self._end_s - time.monotonic()
-            events = poll.poll(None if rest_s == math.inf else max(0.0, rest_s * 1000.0))
-        if not events:
-            raise TimeoutError
-        return events[0][1]
-
-    def _check_silent(self) -> None:
-        said = self._channel.recv(wire.HEADER.size, socket.MSG_PEEK | socket.MSG_DONTWAIT)
-        raise SolutionError(f"{_BROKEN}: it talks before it is asked" if said else self._how_it_ended())
-
-    def _limit_receiving(self, limit_s: float) -> None:
-        """Have the first `recv` of an answer wait so long, without a call before it that waits."""
-        if limit_s != self._receiving_s:
-            self._receiving_s = limit_s
-            whole, part = divmod(limit_s, 1.0) if limit_s != math.inf else (0.0, 0.0)  # none
-            value = struct.pack("ll", int(whole), max(1, int(1e6 * part)) if limit_s != math.inf else 0)
-            self._channel.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, value)
-
-    def _receive(self, answer: bytes, most_bytes: int) -> bytes:
-        """Read a frame: no byte more than it may have."""
-        found = self._read(self._part(), wire.HEADER.size)
-        kind, length = wire.HEADER.unpack_from(found)
-        if kind not in (answer, wire.FAULT):
-            raise SolutionError(f"{_BROKEN}: it answers {kind!r}, not {answer!r}")
-        if length > (most_bytes if kind == answer else _MOST_SAID):
-            raise SolutionError(f"{_BROKEN}: it answers with {length} bytes, at most {most_bytes} are legal")
-        body = self._read(found[wire.HEADER.size :], length)
-        if len(body) > length:
-            raise SolutionError(f"{_BROKEN}: it talks on after its answer")
-        if kind == wire.FAULT:
-            raise _reported(body)
-        return body
-
-    def _read(self, found: bytes, count: int) -> bytes:
-        """Return at least so many bytes, of which some have come already."""
-        while len(found) < count:
-            self._wait(self._readable)
-            found += self._part()
-        return found
-
-    def _part(self) -> bytes:
-        """Return the next bytes."""
-        try:
-            part = self._channel.recv(_MOST_AT_ONCE)
-        except BlockingIOError:  # nothing came within the limit
-            raise TimeoutError from None
-        if not part:
-            raise SolutionError(self._how_it_ended())
-        return part
-
-    def _how_it_ended(self) -> str:
-        """Return the exit status or signal of a process that closed its end."""
-        try:
-            code = self._sandboxed.exit_code(_ENDING_S)
-        except subprocess.TimeoutExpired:
-            return f"{_BROKEN}: it closed its socket"
-        how = f"exit status {code}" if code >= 0 else f"killed by signal {-code}, {signal.strsignal(-code)}"
-        return f"its process ended ({how}): the policy ended it, or memory ran out"
-
-
 def policy_error(name: str, fault: SolutionError, where: str = "") -> PolicyError:
     """Return the error of a fault.
 
@@ -374,20 +226,6 @@ def policy_error(name: str, fault: SolutionError, where: str = "") -> PolicyErro
     return error
 
 
-def _reported(body: bytes) -> SolutionError:
-    """Return the fault that a process reports; a stranger may have written it."""
-    try:
-        said = parse_json(body)
-        text, line, trace = str(said["text"]), said["line"], str(said["traceback"])
-    except (ValueError, KeyError, TypeError):
-        return SolutionError(f"{_BROKEN}: its complaint makes no sense")
-    text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
-    short = text if len(text) <= _MOST_TEXT else f"{text[: _MOST_TEXT - 3]}..."
-    fault = SolutionError(short, line if isinstance(line, int) and 0 < line < _MOST_LINES else None)
-    fault.add_note("in the solution's process:\n" + "".join(c for c in trace if c.isprintable() or c == "\n"))
-    return fault
-
-
 def _declaration(body: bytes) -> dict[str, Any] | None:
     """Return what a process says of its policy.
 
@@ -401,7 +239,7 @@ def _declaration(body: bytes) -> dict[str, Any] | None:
     if said is None:
         return None
     if not isinstance(said, dict) or not said.keys() <= set(_DECLARED) or "obs_mode" not in said:
-        raise SolutionError(f"{_BROKEN}: its declaration makes no sense")
+        raise SolutionError(f"{BROKEN}: its declaration makes no sense")
     return said
 
 

@@ -62,7 +62,7 @@ class Augmentation:
         config, (count, points) = self.config, seen.valid.shape
         if config.mirror:
             mirrored, other_labels = self.mirrored(seen, labels)
-            chosen = rng.random(count) < config.mirror
+            chosen = np.less(rng.random(count), config.mirror)
             seen = ObservationArrays(*(_where(chosen, new, old) for new, old in zip(mirrored, seen, strict=True)))
             labels = _where(chosen, other_labels, labels)
         moved, masks, valid = seen.points, seen.masks, seen.valid
