@@ -31,7 +31,7 @@ _EPILOG = """examples:
 
 The same command goes on where a run was stopped; with schedule=constant and more --steps beyond its end.
 docs/training_runs.md describes data, runs and values."""
-_ALGORITHMS = "bc, bcq or td3bc, from demonstrations; dagger, from an expert; sac or ppo, from rewards"
+_ALGORITHMS = "bc, bcq, td3bc or command_bc, from demonstrations; dagger, from an expert; sac or ppo, from rewards"
 
 # options that reinforcement learning does not have
 _NOT_REINFORCEMENT = ("data", "points", "frame", "network", "samples", "precision", "dev_objects")
@@ -51,7 +51,8 @@ def add_commands(commands: Any) -> None:
     add("--frame", help="frame of the points: world, robot or end_effector (default: the data's, else world)")
     add(
         "--network",
-        help="small (default), small_transformer, kinematic (dagger's default), pointnet or pointnet_transformer",
+        help="small (default), small_transformer, pointnet, pointnet_transformer, or kinematic (default of dagger "
+        "and command_bc)",
     )
     add(
         "--steps",

@@ -125,6 +125,10 @@ class WholeBodyController:
         robot: who acts.
         config: weights.
         arms: how many of the robot's arms it moves, the first one first; the others rest.
+
+    Attributes:
+        columns: (n,) where its joints stand among all R.
+        finger_columns: (A, 2) where the fingers of these arms do.
     """
 
     def __init__(self, robot: RobotConfig, config: WholeBodyConfig, arms: int = 1) -> None:
@@ -136,8 +140,8 @@ class WholeBodyController:
         self.num_joints = TRUNK + arms * self.arm_joints
         starts = TRUNK + np.arange(arms) * (self.arm_joints + _FINGERS)
         own = (starts[:, None] + np.arange(self.arm_joints)).reshape(-1)
-        self.columns = np.concatenate((np.arange(TRUNK), own))  # (n,) where these joints stand among all R
-        self._finger_columns = starts[:, None] + self.arm_joints + np.arange(_FINGERS)  # (A, 2)
+        self.columns = np.concatenate((np.arange(TRUNK), own))
+        self.finger_columns = starts[:, None] + self.arm_joints + np.arange(_FINGERS)
         self._arms = [
             slice(start, start + self.arm_joints) for start in range(TRUNK, self.num_joints, self.arm_joints)
         ]
@@ -208,12 +212,12 @@ class WholeBodyController:
         targets[self.columns] = qvel
         cos, sin = np.cos(state.robot_qpos[0, 2]), np.sin(state.robot_qpos[0, 2])
         targets[0], targets[1] = cos * qvel[0] + sin * qvel[1], -sin * qvel[0] + cos * qvel[1]
-        targets[self._finger_columns] = finger_position_m
+        targets[self.finger_columns] = finger_position_m
         return self.scale.to_actions(targets)
 
     def closing_m(self, state: RobotState, speed_m_s: float) -> np.ndarray:
         """Return positions to ask the fingers for that close them at this speed, (A, 2), with B = 1."""
-        fingers = state.robot_qpos[0, self._finger_columns]
+        fingers = state.robot_qpos[0, self.finger_columns]
         return np.maximum(fingers - speed_m_s * state.step_s, 0.0)
 
     def jacobian(self, state: RobotState) -> np.ndarray:

@@ -34,6 +34,7 @@ PARTS: Mapping[str, tuple[str, ...]] = {
     "td3bc": ("policy.",),
     "bcq": ("decoder.", "critics.0.", "latents"),
     "dagger": ("policy.",),
+    "command_bc": ("policy.",),
 }
 _PACKAGED = Path(__file__).with_name("pretrained")  # policies that come with the package, a file for each task
 _HEADER = "header"

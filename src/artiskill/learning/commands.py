@@ -21,15 +21,18 @@ from artiskill.experts.whole_body import (
     Grip,
     WholeBodyConfig,
     WholeBodyController,
+    in_hand_axes,
 )
 from artiskill.robots.config import RobotConfig
-from artiskill.robots.kinematics import RobotKinematics
+from artiskill.robots.kinematics import RobotKinematics, RobotPose
 
 GRIPS = len(Grip)
+GRIP_PHASES = tuple(grip.name.lower() for grip in Grip)  # where no expert says which phase it is in
 _TWIST = 6
 # what counts as 1 in a vector; typical, not the most
 _LINEAR_M_S, _ANGULAR_RAD_S, _TRUNK_M_S, _GAIN_S, _PRESS_N, _WIDTH_M = 0.8, 3.0, 0.6, 2.0, 50.0, 0.02
 _ROLL, _ROLLS, _SLOW_ROLL = 5, 3, 0.3  # place of the hand's roll in a motion; hardly, one way, the other; when
+_SHUT_M = 5e-4  # positions of fingers that are nearer are the same
 _MOST = 1.5  # of these: motions beyond are asked for nowhere, and a network need not tell how far
 
 
@@ -161,6 +164,53 @@ class CommandActor:
         """Return the action (R,), in the control mode `joint`, of a robot (S,) that is asked for a command."""
         pose = self.kinematics.pose(np.asarray(agent, dtype=np.float64)[None], self.space.step_s)
         return self._controller.action(pose, self.space.decode(label))
+
+
+class ActionReader:
+    """Tells which commands actions amount to; what an action cannot tell is 0, or the same for all.
+
+    Kinds are what the first hand's fingers do, a force that hands press with is a motion towards each other, and
+    what the arms strive for beside the hands' motion is not seen.
+
+    Args:
+        space: of the commands; its phases are those of `GRIP_PHASES`.
+        arm_gain_s: of every command, 1/s.
+    """
+
+    def __init__(self, space: CommandSpace, arm_gain_s: float) -> None:
+        self._space, self._arm_gain_s = space, arm_gain_s
+        self._body = WholeBodyController(space.robot, space.whole_body, space.arms)
+        self._kinematics = RobotKinematics(space.robot)
+
+    def labels(self, agents: np.ndarray, actions: np.ndarray) -> np.ndarray:
+        """Return the commands (B, `label_size`) of actions (B, R), of mode `joint`, of robots (B, S)."""
+        given = np.asarray(agents, dtype=np.float64)
+        targets = self._body.scale.to_targets(np.asarray(actions, dtype=np.float64))
+        poses = (self._kinematics.pose(given[row : row + 1], self._space.step_s) for row in range(len(given)))
+        commands = (self._command(pose, target) for pose, target in zip(poses, targets, strict=True))
+        return np.stack([self._space.encode(command) for command in commands])
+
+    def _command(self, pose: RobotPose, targets: np.ndarray) -> Command:
+        body, space = self._body, self._space
+        qvel = targets[body.columns]
+        trunk = qvel[:TRUNK].copy()  # base x and y along the base's axes, as targets have them
+        cos, sin = np.cos(pose.robot_qpos[0, 2]), np.sin(pose.robot_qpos[0, 2])
+        qvel[0], qvel[1] = cos * trunk[0] - sin * trunk[1], sin * trunk[0] + cos * trunk[1]
+        fingers = targets[body.finger_columns]  # (A, 2) m
+        closing = body.closing_m(pose, space.close_speed_m_s)
+        grip = np.select(
+            [fingers.max(axis=1) < _SHUT_M, np.abs(fingers - closing).max(axis=1) < _SHUT_M],
+            [Grip.SHUT, Grip.CLOSING],
+            Grip.OPEN,
+        )
+        return Command(
+            phase=int(grip[0]),
+            twists=in_hand_axes(pose, (body.jacobian(pose) @ qvel).reshape(-1, _TWIST)),
+            trunk_qvel=trunk,
+            arm_gain_s=self._arm_gain_s,
+            grip=grip,
+            width_m=fingers.mean(axis=1),
+        )
 
 
 def command_space(

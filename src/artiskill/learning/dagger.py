@@ -1,39 +1,20 @@
 """DAgger (Ross et al., 2011): the policy acts, the expert says what it would have done, the policy learns that.
 
 A round adds what policy and expert have met (`learning/rollouts.py`); training goes on with all rounds so far.
-What is learned are the expert's commands (`learning/commands.py`): one of each kind, and which kind it is. One for
-all kinds would be their mean where the kind is not certain, and do nothing.
+What is learned are the expert's commands (`learning/command_learner.py`).
 """
 
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any
 
-import torch
-from torch import Tensor, nn
-from torch.nn.functional import cross_entropy, smooth_l1_loss
-from torch.optim import AdamW
-
-from artiskill.config import check_inside, check_not_negative, check_positive, check_value, from_mapping
-from artiskill.experts.whole_body import Grip
-from artiskill.learning.algorithm import Algorithm, Autocast, MakeNetwork, Sync, descend
-from artiskill.learning.augmentation import AugmentationConfig
-from artiskill.learning.batch import Batch, Observation, Sizes
-from artiskill.learning.commands import GRIPS, CommandSpace
+from artiskill.config import check_inside, check_positive, check_value
+from artiskill.learning.command_learner import CommandLearner, CommandLearnerConfig
 
 
 @dataclass(frozen=True)
-class DAggerConfig:
-    """Values of DAgger; those from `objects` on are of the rollouts."""
+class DAggerConfig(CommandLearnerConfig):
+    """Values of DAgger: of learning commands, and here of the rollouts."""
 
-    learning_rate: float
-    weight_decay: float
-    gradient_norm: float  # longer gradients are shortened to it
-    error_bend: float  # errors of motions count by their squares up to here, then by their lengths
-    width_weight: float  # of the error of open fingers' width, where that of motions has 1
-    grip_weight: float  # of the cross-entropy of what fingers do
-    kind_weight: float  # of the cross-entropy of kinds
     objects: tuple[str, ...]  # as `resolve_objects` takes them, never of a split that is measured
     expert: dict[str, Any]  # values of the expert that differ from its own
     points: int  # of a cloud
@@ -45,12 +26,10 @@ class DAggerConfig:
     expert_rounds: int  # the first ones, in which the expert alone acts
     whole_share: float  # of the later episodes, those in which the policy acts to the end
     takeover_steps: tuple[int, int]  # fewest and most steps of the others after which the expert takes over
-    augmentation: AugmentationConfig
 
     def __post_init__(self) -> None:
-        check_positive(self, "learning_rate", "gradient_norm", "error_bend", "points", "rounds", "expert_rounds")
+        check_positive(self, "points", "rounds", "expert_rounds")
         check_positive(self, "collectors", "envs", "rollout_steps")
-        check_not_negative(self, "weight_decay", "width_weight", "grip_weight", "kind_weight")
         check_inside("whole_share", self.whole_share, (0, 1))
         check_value(self, "objects", len(self.objects) > 0, "needs objects")
         are_shares = len(self.shares) > 0 and min(self.shares) >= 0 and sum(self.shares) > 0
@@ -64,63 +43,7 @@ class DAggerConfig:
         return self.collectors * self.envs * self.rollout_steps
 
 
-class DAgger(Algorithm):
-    """A policy that commands as the expert would; `choose` gives commands as numbers, see `CommandSpace`."""
+class DAgger(CommandLearner):
+    """A policy that commands as the expert would."""
 
     Config = DAggerConfig
-    needs_next = False
-
-    def __init__(
-        self,
-        config: DAggerConfig,
-        make: MakeNetwork,
-        sizes: Sizes,
-        action_std: Tensor | None = None,
-        commands: Mapping[str, Any] = MappingProxyType({}),
-    ) -> None:
-        super().__init__(None, False)
-        self.config = config
-        self.commands = from_mapping(CommandSpace, commands, "commands")
-        self.policy = make(self.commands.output_size, 0)
-        rate, decay = config.learning_rate, config.weight_decay
-        self.optimizers = {"policy": AdamW(self.policy.parameters(), lr=rate, weight_decay=decay)}
-
-    def update(
-        self, batch: Batch, step: int, noise: torch.Generator, sync: Sync, autocast: Autocast
-    ) -> dict[str, Tensor]:
-        """Take one step down the errors of the expert's commands, which are the batch's `action`."""
-        with autocast():
-            outputs = self.policy(batch.observation)
-        loss, numbers = self.loss(outputs.float(), batch.action)
-
-        def shorten(parameters: Iterable[nn.Parameter]) -> None:
-            parameters = list(parameters)
-            sync(parameters)
-            nn.utils.clip_grad_norm_(parameters, self.config.gradient_norm)
-
-        descend(loss, self.optimizers["policy"], shorten)
-        return numbers
-
-    def loss(self, outputs: Tensor, label: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
-        """Return the loss of outputs (B, O) for commands (B, V), and its parts to log.
-
-        A motion is compared in the kind that the expert has; widths count where fingers are open.
-        """
-        config, m, a = self.config, self.commands.motion_size, self.commands.arms
-        grip, kind = label[:, m + a : m + 2 * a].long(), label[:, -1].long()
-        found = self.commands.parts(outputs, kind)
-        motion = smooth_l1_loss(found.motion, label[:, :m], beta=config.error_bend)
-        width_error = smooth_l1_loss(found.width, label[:, m : m + a], beta=config.error_bend, reduction="none")
-        width = (width_error * (grip == Grip.OPEN)).mean()
-        grips = cross_entropy(found.grip.reshape(-1, GRIPS), grip.reshape(-1))
-        logits = self.commands.logits(outputs)
-        kinds = cross_entropy(logits, kind)
-        loss = motion + config.width_weight * width + config.grip_weight * grips + config.kind_weight * kinds
-        right = (logits.argmax(1) == kind).float().mean()
-        numbers = {"imitation_loss": motion, "grip_loss": grips, "kind_loss": kinds, "kind_accuracy": right}
-        return loss, {name: number.detach() for name, number in numbers.items()}
-
-    def choose(self, observation: Observation) -> Tensor:
-        """Return the commands (B, V) of the likeliest kinds."""
-        outputs = self.policy(observation).float().cpu()
-        return torch.from_numpy(self.commands.likeliest(outputs.detach().numpy()))

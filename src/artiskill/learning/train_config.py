@@ -36,9 +36,10 @@ ALGORITHMS = {
     "bcq": "artiskill.learning.bcq:BCQ",
     "td3bc": "artiskill.learning.td3bc:TD3BC",
     "dagger": "artiskill.learning.dagger:DAgger",
+    "command_bc": "artiskill.learning.command_bc:CommandBC",
 }
-INTERACTIVE = ("dagger",)  # these learn commands, from rollouts
-OFFLINE = tuple(name for name in ALGORITHMS if name not in INTERACTIVE)  # these actions, from demonstrations
+INTERACTIVE = ("dagger",)  # these learn from rollouts, all others from demonstrations
+OF_COMMANDS = ("dagger", "command_bc")  # these learn commands, all others actions
 MEASURED_SPLITS = ("test", "ood")  # what results are about: nothing is chosen by it
 
 _FOLDER = CONFIG_DIR / "learning"
@@ -104,8 +105,8 @@ class TrainConfig:
         check_positive(self, "batch_size", "log_every", "checkpoint_every")
         check_value(self, "seed", 0 <= self.seed < 2**32, "must lie in [0, 2^32)")
         check_value(self, "ema", 0 <= self.ema < 1, "must lie in [0, 1)")
-        knows = self.name in INTERACTIVE or not self.network.input.body
-        check(knows, f"network.input.body is for {', '.join(INTERACTIVE)}, not for {self.name}")
+        knows = self.name in OF_COMMANDS or not self.network.input.body
+        check(knows, f"network.input.body is for {', '.join(OF_COMMANDS)}, not for {self.name}")
 
     def check_continues(self, other: "TrainConfig", folder: Path) -> None:
         """Raise `RunError` if a run with these values cannot go on with other ones.
@@ -140,7 +141,7 @@ def load_train_config(
     Args:
         name: of the algorithm, one of `ALGORITHMS`.
         task: name of the task.
-        network: one of `NETWORKS`, or `kinematic` with `dagger`; None for `small`, or the latter.
+        network: one of `NETWORKS`, or `kinematic` with `OF_COMMANDS`; None for `small`, or the latter.
         overrides: dotted keys and other values, `{"algorithm.learning_rate": 1e-3}`.
 
     Raises:
@@ -148,15 +149,17 @@ def load_train_config(
         ConfigError: an unknown key or an illegal value.
     """
     check_name("algorithm", name, (*ALGORITHMS, *FROM_STATE))
-    network = network or (KINEMATIC if name in INTERACTIVE else NETWORKS[0])
-    check_name("network", network, (*NETWORKS, *[KINEMATIC] * (name in INTERACTIVE)))
+    network = network or (KINEMATIC if name in OF_COMMANDS else NETWORKS[0])
+    check_name("network", network, (*NETWORKS, *[KINEMATIC] * (name in OF_COMMANDS)))
     spec = task_spec(task)
     values = merge_overrides(load_yaml(_FOLDER / _SHARED), load_yaml(_FOLDER / f"{name}.yaml"))
     values |= {"task": task, "name": name, "network": to_mapping(load_network_config(network))}
     if values["development"]["objects"] is None:
         values["development"]["objects"] = (f"generated:{spec.category}:{_DEVELOPMENT_SEEDS[spec.category]}",)
+    seen = values["network"]["input"]
+    seen["origin"] = seen["body"] and spec.category in _AT_ORIGIN
     if name in INTERACTIVE:
-        _fill_rollouts(values, task, spec.category)
+        _fill_rollouts(values["algorithm"], task, spec.category)
     config = from_layers(TrainConfig, lambda given: merge_overrides(values, given), overrides, f"{name}.yaml")
     return _resolved(config)
 
@@ -210,16 +213,14 @@ def check_not_measured(objects: Iterable[str | ArticulatedObject]) -> None:
             raise ConfigError(_refusal(f"{name!r} is of {catalog[name][1].split!r}"))
 
 
-def _fill_rollouts(values: dict[str, Any], task: str, category: str) -> None:
-    """Fill in what depends on the task: objects, expert, shares of points, whether the world's origin matters."""
-    algorithm, seen = values["algorithm"], values["network"]["input"]
+def _fill_rollouts(algorithm: dict[str, Any], task: str, category: str) -> None:
+    """Fill in what depends on the task: objects, expert, shares of points."""
     if algorithm["objects"] is None:
         algorithm["objects"] = ("train", f"generated:{category}:{_ROLLOUT_SEEDS[category]}")
     if algorithm["expert"] is None:
         algorithm["expert"] = dict(_TEACHING.get(category, {}))
     if algorithm["shares"] is None:
         algorithm["shares"] = _SHARES.get(task, _SHARES[category])
-    seen["origin"] = seen["body"] and category in _AT_ORIGIN
 
 
 def _refusal(reason: str) -> str:

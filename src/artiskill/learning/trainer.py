@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from artiskill.config import to_mapping
 from artiskill.errors import RunError
 from artiskill.learning.algorithm import Algorithm
 from artiskill.learning.batch import Batch
@@ -31,7 +32,7 @@ from artiskill.learning.loading import BatchLoader
 from artiskill.learning.processes import Processes
 from artiskill.learning.run import BEST, KEPT, LATEST, RunInfo
 from artiskill.learning.stopping import StopSignal
-from artiskill.learning.train_config import TrainConfig
+from artiskill.learning.train_config import OF_COMMANDS, TrainConfig
 from artiskill.learning.training_set import TrainingSet, manifest_text
 
 # rows of development.csv for the weights in a file: an object, its episodes and its successes each
@@ -311,10 +312,10 @@ class SetSource:
         steps = f"{held.steps} steps of {held.trajectories} demonstrations"
         return f"{steps} on {objects}, {held.sizes.points} points each"
 
-    def batches(self, trainer: Trainer) -> BatchLoader:
-        """Return the loader of a run."""
+    def batches(self, trainer: Trainer) -> AbstractContextManager[Iterator[Batch]]:
+        """Return the batches of a run from where it stands."""
         config, processes = trainer.config, trainer.processes
-        return BatchLoader(
+        loader = BatchLoader(
             self._set,
             config.batch_size,
             config.seed,
@@ -324,6 +325,11 @@ class SetSource:
             trainer.state.step,
             processes.device,
         )
+        if not trainer.info.commands:
+            return loader
+        from artiskill.learning.command_batches import CommandBatches  # it needs the engine's kernels
+
+        return CommandBatches(loader, trainer)
 
     def info(self, config: TrainConfig, versions: dict[str, str]) -> RunInfo:
         """Return what a new run says of itself."""
@@ -341,4 +347,18 @@ class SetSource:
             objects=list(held.objects),
             steps=held.steps,
             versions=versions,
+            commands=self._commands(config, held.control_mode),
         )
+
+    @staticmethod
+    def _commands(config: TrainConfig, control_mode: str) -> dict[str, Any]:
+        """Return the space of commands, where such are learned.
+
+        Raises:
+            ConfigError: actions of another control mode tell no commands.
+        """
+        if config.name not in OF_COMMANDS:
+            return {}
+        from artiskill.learning.command_batches import demonstrated_space
+
+        return to_mapping(demonstrated_space(config.task, control_mode))
