@@ -85,6 +85,7 @@ def test_commands_of_the_tracks() -> None:
         "train dagger --task PushChair --out w/interactive-expert/PushChair/seed-2/run --objects train --seed 2 "
         "--threads 1 --workers 1"
     )
+    assert "--samples 192000" in " ".join(train_command(Policy("no-restrictions", "OpenCabinetDoor", 0), work))
     imitator = Policy("no-interactions", "PushChair", 0)
     assert "--data w/sets/PushChair" in " ".join(train_command(imitator, work))
     assert " ".join(evaluate_command(student, "ood", work)) == (
