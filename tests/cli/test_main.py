@@ -57,7 +57,7 @@ def test_the_demo_is_the_commands_that_it_prints(capsys: Capture, monkeypatch: p
     first, second = ([vars(one) | {"parser": None, "run": None} for one in half] for half in (ran[:4], ran[4:]))
     assert first == second
     assert (first[0]["policy"], first[0]["video"].name) == ("pretrained", "episode.gif")
-    assert all("test" not in one["objects"] for one in first), "measured once, and later"
+    assert all(one["objects"] == ["test"] for one in first[::2])
 
 
 @pytest.mark.slow
@@ -71,7 +71,7 @@ def test_the_demo_opens_cabinets_without_any_extra(tmp_path: Path) -> None:
     for task in CABINET_TASKS:
         folder = tmp_path / "results" / "demo" / task
         report = json.loads((folder / "report.json").read_text())
-        assert (report["episodes"] >= 6, report["success_rate"] > 0.8) == (True, True)
+        assert (report["episodes"], report["success_rate"] > 0.8) == (10, True)
         assert (folder / "episode.gif").stat().st_size > 100_000
         assert 100_000 < (folder / "page.html").stat().st_size < 10_000_000
 

@@ -64,8 +64,8 @@ _OF_SERVER = ("points", "frame", "replan_steps")
 # options that a protocol decides
 _OF_PROTOCOL = ("task", "objects", "target", "episodes", "first_level", "obs_mode", "control_mode", "set")
 _DEMO_TASKS = ("OpenCabinetDrawer", "OpenCabinetDoor")
-_DEMO_OBJECTS = "generated:3000000..3000006"  # that no policy has met; or "test", the benchmark's own
-_DEMO_EPISODES, _DEMO_FILMED = 2, 1  # per object; objects
+_DEMO_OBJECTS = "test"  # the benchmark's own, which no policy of the package was trained on or chosen by
+_DEMO_EPISODES, _DEMO_FILMED = 1, 1  # per object; objects
 _DEMO_EPILOG = f"""The demo prints its commands. For each task they are these, --out with the task's name:
   artiskill evaluate --task TASK --policy pretrained --objects {_DEMO_OBJECTS} --episodes {_DEMO_EPISODES} \\
       --out results/demo/TASK --video results/demo/TASK/episode.gif --video-episodes {_DEMO_FILMED}
