@@ -103,6 +103,11 @@ SCENE = "[...document.querySelectorAll('canvas')].sort((a, b) => b.width * b.hei
 def drawn(page: Any) -> np.ndarray:
     """Return what the scene's canvas shows, (H, W, 3); viser draws fewer pixels where that takes long."""
     address = page.evaluate(f"{SCENE}.toDataURL('image/png')")
+    return decoded(address)
+
+
+def decoded(address: str) -> np.ndarray:
+    """Return a picture that is written as an address, (H, W, 3)."""
     if len(address) < 100:  # it has no size yet
         return np.zeros((1, 1, 3), int)
     with Image.open(io.BytesIO(base64.b64decode(address.split(",")[1]))) as image:
@@ -302,3 +307,39 @@ def test_an_exported_episode_plays_without_a_server(open_page: Any, tmp_path: Pa
     else:
         pytest.fail("nothing moves")
     assert not [url for url in asked if url.startswith("http")]
+
+
+# of a replay of one second: a picture of its middle, one of its end, and those that follow when it begins anew
+MIDDLE_END_AND_AGAIN = f"""async () => {{
+    const time = () => parseFloat(document.querySelector("input").value);
+    const picture = () => new Promise(done => requestAnimationFrame(() => done({SCENE}.toDataURL("image/png"))));
+    const found = [];
+    for (let before = 0, now = time(); now >= before || !(found[0] && found[1]); before = now, now = time()) {{
+        const shown = await picture();
+        if (now > 0.4 && now < 0.9) found[0] = shown;
+        if (now > 1.3 && now < 1.9) found[1] = shown;
+    }}
+    for (let k = 0; k < 6; k++) found.push(await picture());
+    return found;
+}}"""
+
+
+def test_a_replay_that_begins_anew_does_not_show_its_last_caption(open_page: Any, tmp_path: Path) -> None:
+    pytest.importorskip("viser")
+    choice = EpisodeChoice("OpenCabinetDrawer", "cabinet-0002", policy="still", config={"episode_steps": 20})
+    page = open_page(export_episode(LiveEpisode(choice), tmp_path / "still.html").as_uri())
+    page.set_viewport_size({"width": 400, "height": 240})
+    until(page, lambda picture: share_of(picture, WHITE) > 0.005)
+    middle, end, *again = (decoded(one).max(axis=-1) for one in page.evaluate(MIDDLE_END_AND_AGAIN))
+    letters = (end < 90) & (middle >= 90)  # nothing else changes, for the robot stands still
+    assert letters.sum() > 20
+    rows, columns = np.nonzero(letters)
+    around = np.zeros_like(letters)
+    around[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1] = True
+    around &= end > 180
+
+    def is_last_caption(picture: np.ndarray) -> bool:  # the scene itself is dark or bright for a moment
+        return bool((picture[letters] < 90).mean() > 0.5 and (picture[around] > 180).mean() > 0.5)
+
+    assert is_last_caption(end)
+    assert not any(map(is_last_caption, again))

@@ -41,7 +41,9 @@ _POSES_PER_S, _TEXT_PER_S, _SENSORS_PER_S, _UPDATES_PER_S = 30.0, 10.0, 5.0, 60.
 _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f7f7f", "#000000")
 # from where scenes are looked at first: cabinets face -x, and robots stand before them
 _DIRECTION_DEG, _SIZE_PX = (226.0, 22.0), (640, 480)
-_LAST_S = 1.0  # for which a replay stays at its end
+# for which a replay stays at its end, and then without a caption: a browser that begins anew shows the last text
+# for a few pictures more
+_LAST_S, _NO_CAPTION_S = 1.0, 0.5
 _CLIENT_TITLE = "<title>Viser</title>"
 
 
@@ -409,6 +411,8 @@ def export_episode(
                 break
         caption.text = _caption(player.moment)  # which may end by a fault
         recording.insert_sleep(_LAST_S)
+        caption.text = ""
+        recording.insert_sleep(_NO_CAPTION_S)
         page = recording.as_html()
     page = page.replace(_CLIENT_TITLE, f"<title>{html.escape(timeline.title)}</title>", 1)
     try:
