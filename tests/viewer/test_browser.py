@@ -175,7 +175,7 @@ def test_a_person_drags_a_hand_and_drives(view: Any, open_page: Any) -> None:
     page = open_page(view("--paused", "--object", "cabinet-0002", "--level", "3", "--policy", "still"))
     until(page, lambda picture: share_of(picture, WHITE) > 0.005)
     press(page, "by hand")
-    page.get_by_label("drive", exact=True).first.click()
+    press(page, "drive")
     before = until(page, lambda picture: share_of(picture, PINK, 70) > 1e-4)
     rows, columns = np.nonzero(np.abs(before - PINK).max(axis=-1) < 70)
     tip, middle = rows.argmax(), np.array((columns.mean(), rows.mean()))
@@ -214,9 +214,9 @@ def test_a_drawer_is_opened_with_keys(server: Any, open_page: Any) -> None:
     try:
         shown = open_page(f"http://127.0.0.1:{server.get_port()}")
         press(shown, "by hand")
-        shown.get_by_label("drive", exact=True).first.click()
+        press(shown, "drive")  # after which keys are the robot's at once
         state_is(shown, r"step \d\d+ ")
-        shown.mouse.click(60, 300)  # keys that a widget has are not for the robot
+        shown.set_viewport_size({"width": 400, "height": 200})  # soon drawn
         episode = page.player.timeline
         assert isinstance(episode, LiveEpisode)
         handle, link = (

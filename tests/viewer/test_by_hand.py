@@ -31,7 +31,7 @@ class Person:
     def __init__(self, server: Any, choice: EpisodeChoice, folder: Path) -> None:
         self.server = server
         self.page = EpisodePage(server, LivePicker(choice), plays=False, record=folder)
-        self.use("Checkbox", "drive", True)
+        self.use("Button", "drive", True)
 
     @property
     def episode(self) -> LiveEpisode:

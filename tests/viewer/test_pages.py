@@ -193,7 +193,7 @@ def test_an_exported_episode_has_every_step_in_one_small_file(choice: EpisodeCho
     assert len(page) < 3e6
     assert "<title>OpenCabinetDrawer: cabinet-0002" in page
     recording = recording_of(page)
-    assert recording["durationSeconds"] == pytest.approx(0.05 * len(episode) + 1.0)
+    assert recording["durationSeconds"] == pytest.approx(0.05 * len(episode) + 1.5)
     last = len(episode) - 1
     link = episode.scene.index.object_bodies.start + episode.scene.object.link_index(episode.target)
     name = f"/scene/object/{episode.target}"
@@ -201,7 +201,8 @@ def test_an_exported_episode_has_every_step_in_one_small_file(choice: EpisodeCho
     wanted = episode.moment(last).context.snapshot.body_position_w[0, link]
     np.testing.assert_allclose(moves[-1]["position"], wanted, atol=2e-6)
     captions = [m["updates"]["text"] for _, m in recording["messages"] if "text" in m.get("updates", {})]
-    assert captions[-1].endswith("solved")
+    assert captions[-2].endswith("solved")
+    assert captions[-1] == ""
     outside = re.findall(r'(?:src|href)="(https?://[^"]+)"', page)
     assert not outside  # nothing is fetched
 
@@ -256,7 +257,7 @@ def test_findings_are_told_and_stand_where_they_are(server: Any, monkeypatch: py
 def test_a_person_drives(server: Any, page: EpisodePage) -> None:
     page.player.step(3)
     assert server.scene.get_handle_by_name("/hand-0") is None
-    use(widget(server, "Checkbox", "drive"), True)
+    use(widget(server, "Button", "drive"), True)
     page.update()
     hand = page.player.timeline.hand  # type: ignore[attr-defined]
     assert page.player.timeline.by_hand  # type: ignore[attr-defined]
@@ -279,7 +280,7 @@ def test_a_person_drives(server: Any, page: EpisodePage) -> None:
     page.player.step(5)
     page.show()
     np.testing.assert_allclose(gizmo.position, hand.positions_w[0], atol=1e-6)
-    use(widget(server, "Checkbox", "drive"), False)
+    use(widget(server, "Button", "hand back"), True)
     page.update()
     assert server.scene.get_handle_by_name("/hand-0") is None
     assert not page.player.timeline.by_hand  # type: ignore[attr-defined]
@@ -291,8 +292,8 @@ def test_what_is_solved_by_hand_is_stored_once_and_the_page_says_where(
     pytest.importorskip("h5py")
     page = EpisodePage(server, LivePicker(choice), plays=False, record=tmp_path / "mine")
     page.player.step(10)
-    for by_hand in (True, False):
-        use(widget(server, "Checkbox", "drive"), by_hand)
+    for button in ("drive", "hand back"):
+        use(widget(server, "Button", button), True)
         page.update()
         page.player.step(3)
     page.player.step(200)

@@ -26,6 +26,7 @@ from artiskill.viewer.scene_view import (
     SceneView,
     add_stage,
     blended_poses,
+    narrow_view,
     object_bodies,
     scene_bodies,
 )
@@ -210,3 +211,19 @@ def test_no_page_can_open_a_tunnel_and_nothing_is_printed(capsys: pytest.Capture
     assert capsys.readouterr().out == ""
     with pytest.raises(OSError, match="refused"):
         socket.create_connection(("127.0.0.1", port), timeout=5)
+
+
+def test_a_narrow_page_sees_the_scene_above_the_panel(server: Any) -> None:
+    """The middle of what is shown lies in the upper part of the picture, in the middle from left to right."""
+    eye, middle = np.array((-3.0, -2.0, 1.5)), np.array((0.2, 0.1, 0.5))
+    add_stage(server, load_render_config(), eye, middle)
+    first = server.initial_camera
+    eye_w, look_at_w = narrow_view(first.position, first.look_at, 390 / 844)
+    ahead = (look_at_w - eye_w) / np.linalg.norm(look_at_w - eye_w)
+    right = np.cross(ahead, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    to_middle = middle - eye_w
+    half = np.tan(first.fov / 2) * (to_middle @ ahead)
+    assert to_middle @ right == pytest.approx(0.0, abs=1e-6)
+    assert 0.4 < to_middle @ np.cross(right, ahead) / half < 0.7  # 1 is the upper edge
+    assert np.linalg.norm(to_middle) > 1.5 * np.linalg.norm(middle - eye)

@@ -1,6 +1,9 @@
 """`artiskill view`: episodes, demonstrations, reports and objects in a browser, or one episode as a file."""
 
 import argparse
+import signal
+from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -56,19 +59,50 @@ def _view(arguments: argparse.Namespace) -> None:
     import_viser()
     kind = _kind_of(arguments.what)
     _check_options(arguments, kind)
-    if kind == _OBJECTS:
-        _view_objects(arguments)
-        return
-    picker = _picker(arguments, kind)
     if arguments.export is not None:
-        _export(picker, arguments.export)
+        _export(_picker(arguments, kind), arguments.export)
         return
+    with _serving(arguments) as server:
+        _say_where(arguments, server)  # browsers load the page while the episode is loaded here
+        note = server.gui.add_markdown("loading ...")
+        _import_page(kind)
+        run = _object_page(arguments, server) if kind == _OBJECTS else _episode_page(arguments, kind, server)
+        note.remove()
+        run()
+
+
+def _import_page(kind: str) -> None:
+    """Import what a page needs, 0.9 s; Ctrl-C is obeyed afterwards, for some packages fail by it or swallow it."""
+    interrupts: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: interrupts.append(number))
+    try:
+        from artiskill.exports.glb import import_trimesh
+
+        import_trimesh()
+        import_module("artiskill.viewer.object_page" if kind == _OBJECTS else "artiskill.viewer.pickers")
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if interrupts:
+        raise KeyboardInterrupt
+
+
+def _episode_page(arguments: argparse.Namespace, kind: str, server: Any) -> Callable[[], None]:
+    """Add the page of an episode; returns what keeps it going."""
+    picker = _picker(arguments, kind)
     from artiskill.viewer.episode_page import EpisodePage
 
-    with _serving(arguments) as server:
-        page = EpisodePage(server, picker, plays=not arguments.paused, record=arguments.record)
-        _say_where(arguments, server)
-        page.run()
+    return EpisodePage(server, picker, plays=not arguments.paused, record=arguments.record).run
+
+
+def _object_page(arguments: argparse.Namespace, server: Any) -> Callable[[], Any]:
+    """Add the page of objects; returns what waits until the process is interrupted."""
+    from threading import Event
+
+    from artiskill.assets.catalog import resolve_objects
+    from artiskill.viewer.object_page import ObjectPage
+
+    ObjectPage(server, resolve_objects(arguments.what))
+    return Event().wait
 
 
 def _kind_of(what: list[str]) -> str:
@@ -126,19 +160,6 @@ def _export(picker: Any, path: Path) -> None:
 
     written = export_episode(picker.load(), path)
     print(f"replay: {written} ({written.stat().st_size / 1e6:.1f} MB)")
-
-
-def _view_objects(arguments: argparse.Namespace) -> None:
-    import threading
-
-    from artiskill.assets.catalog import resolve_objects
-    from artiskill.viewer.object_page import ObjectPage
-
-    items = resolve_objects(arguments.what)
-    with _serving(arguments) as server:
-        ObjectPage(server, items)
-        _say_where(arguments, server)
-        threading.Event().wait()
 
 
 def _serving(arguments: argparse.Namespace) -> Any:

@@ -22,7 +22,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import IO, Any
 
-from artiskill.assets.partnet.hull_cache import default_cache_dir
 from artiskill.config import check_positive
 from artiskill.errors import ConfigError, UnknownNameError
 from artiskill.evaluation import sandbox_process, solution_process
@@ -363,6 +362,8 @@ class _Place:
 
     def _hidden(self) -> list[str]:
         """Return what it may not read though it may lie in a folder that it may: report and caches."""
+        from artiskill.assets.partnet.hull_cache import default_cache_dir  # slow: it has scipy loaded
+
         numba = os.environ.get("NUMBA_CACHE_DIR")
         asked = [*self._config.hidden, str(default_cache_dir()), *([numba] if numba else [])]
         return [path for path in map(os.path.realpath, asked) if os.path.exists(path)]

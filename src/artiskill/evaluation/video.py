@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
-from scipy.spatial import cKDTree
 
 from artiskill.errors import ConfigError, MissingExtraError, shown
 from artiskill.files import atomic_write, output_path
@@ -155,6 +154,8 @@ def _shared_palette(frames: np.ndarray) -> np.ndarray:
 
 def _nearest_colours(palette: np.ndarray) -> np.ndarray:
     """Return the index of the palette's nearest colour for each cell of a coarse colour cube, (n, n, n) uint8."""
+    from scipy.spatial import cKDTree  # slow, and of use for GIFs alone
+
     n = 1 << _LOOKUP_BITS
     centres = (np.arange(n) * 256 + 128) // n
     cube = np.stack(np.meshgrid(centres, centres, centres, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -43,6 +43,7 @@ _WAYS = {
     ("up", "Y"): (0.0, 0.0, 0.0, 0.4),
     ("down", "H"): (0.0, 0.0, 0.0, -0.4),
 }
+_DRIVE, _HAND_BACK = "drive", "hand back"
 _FINGERS_KEY, _PAIR_KEY, _NEARER_KEY, _FARTHER_KEY = "N", "B", "G", "T"
 _OPEN_MM, _GIZMO_M = 40, 0.25  # a finger from the middle; the size of a gizmo
 _PAIR_M = (0.65, 0.15, 0.7)  # a new pair: ahead of the base, above the lift, apart
@@ -203,7 +204,7 @@ class HandActor(Actor):
 
 
 class HandPanel:
-    """What a person drives with: a switch, a button and a key for each way, the fingers, a gizmo at each hand.
+    """What a person drives with: a button to take over, one and a key for each way, fingers, a gizmo at each hand.
 
     Args:
         server: of viser; the widgets go into the folder that is open.
@@ -216,8 +217,9 @@ class HandPanel:
         self._hand: HandActor | None = None
         self._gizmos: list[Any] = []
         gui = server.gui
-        self._switch = gui.add_checkbox("drive", initial_value=False, hint="from the step that is shown")
-        self._switch.on_update(lambda event: from_browser(event, do, lambda: switch(self._switch.value)))
+        # a button, for a checkbox that was clicked keeps the keys to itself
+        self._switch = gui.add_button(_DRIVE, hint="from the step that is shown")
+        self._switch.on_click(lambda event: from_browser(event, do, lambda: switch(self._hand is None)))
         for (name, key), share in _WAYS.items():
             push = partial(do, partial(self._push, share))
             button = gui.add_button(f"{name} ({key})", hint="hold it")
@@ -241,7 +243,7 @@ class HandPanel:
         """Have a hand go where the gizmos, buttons and keys say."""
         self.detach()
         self._hand = hand
-        self._switch.value = True
+        self._switch.label = _HAND_BACK
         self._set_fingers()
         self._joins.visible = len(hand.positions_w) == len(_RIGHT_LEFT)
         self._show_gizmos()
@@ -249,7 +251,7 @@ class HandPanel:
     def detach(self) -> None:
         """Let go, and take the gizmos away."""
         self._hand = None
-        self._switch.value = self._joins.visible = False
+        self._switch.label, self._joins.visible = _DRIVE, False
         self._show_gizmos()
 
     def follow(self) -> None:

@@ -34,7 +34,15 @@ from artiskill.viewer.playback import (
     reward_text,
     state_text,
 )
-from artiskill.viewer.scene_view import LAYERS, TARGET, SceneView, add_stage, blended_poses, scene_bodies
+from artiskill.viewer.scene_view import (
+    LAYERS,
+    TARGET,
+    SceneView,
+    add_stage,
+    blended_poses,
+    scene_bodies,
+    show_above_panel,
+)
 
 _POSES_PER_S, _TEXT_PER_S, _SENSORS_PER_S, _UPDATES_PER_S = 30.0, 10.0, 5.0, 60.0
 # Okabe and Ito's colours, as of masks
@@ -88,9 +96,11 @@ class EpisodePage:
         self._ended: Moment | None = None  # the last end that was shown
         self.frames = 0
         self.player = Player(self._load())
-        self.view = self._enter()
-        _add_stage(server, self.player.timeline)
-        self._show_poses()
+        with server.atomic():
+            _add_stage(server, self.player.timeline)
+            self.view = self._enter()
+            self._show_poses()
+        show_above_panel(server)
         self._add_panel()
         self._hand_folder.visible = isinstance(self.player.timeline, LiveEpisode)
         self.show()

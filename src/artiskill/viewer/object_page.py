@@ -15,7 +15,7 @@ from artiskill.errors import ArtiSkillError
 from artiskill.sensors.pictures.framing import framing_camera
 from artiskill.sensors.pictures.objects import AZIMUTH_DEG, ELEVATION_DEG
 from artiskill.sensors.render_config import load_render_config
-from artiskill.viewer.scene_view import LAYERS, TARGET, SceneView, add_stage, object_bodies
+from artiskill.viewer.scene_view import LAYERS, TARGET, SceneView, add_stage, object_bodies, show_above_panel
 
 Item = str | ArticulatedObject
 _TURN_RAD = math.pi  # what a slider of a joint without limits covers each way
@@ -44,6 +44,7 @@ class ObjectPage:
         self._marks: list[Any] = []
         self.findings: Sequence[CheckResult] | None = None
         self.object, self.view = self._enter(next(iter(self._items)))
+        show_above_panel(server)
         self._add_panel()
 
     def _enter(self, name: str) -> tuple[ArticulatedObject, SceneView]:

@@ -3,6 +3,7 @@
 A body is a node of viser's scene tree; its surfaces, collision shapes and axes are below it and move with it.
 """
 
+import asyncio
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -32,6 +33,10 @@ _MOST_GRASPS = 12  # of a handle; the best ones
 _FLOOR_M = 40.0  # half of a side
 _ROOM = 1.15  # the camera stands so many times as far away as it has to
 _ASIDE = 0.24  # the camera stands so much of its distance to the right: the panel covers the right
+_FOV_RAD, _ASPECT = math.radians(45.0), 4 / 3  # of the camera; which part of what it sees is the scene
+# pages that are not wider have viser's panel over the lower 60 %, so the scene is shown that share of them higher
+_NARROW_PX, _HIGHER = 576, 0.28
+_CAMERA_S = 0.3  # after which a new page has the camera that all begin with
 # A directional light of intensity 1 makes a white surface that faces it 1 / pi as bright as our renderer's does.
 _LIGHT = math.pi
 _SAME_M, _SAME_QUATERNION = 1e-6, 1e-6  # smaller changes of a pose are not sent
@@ -280,7 +285,30 @@ def add_stage(server: Any, config: RenderConfig, eye_w: Any, look_at_w: Any, has
     aside = _ASIDE * right if has_panel else 0.0
     server.initial_camera.position = eye + aside
     server.initial_camera.look_at = look_at + aside
-    server.initial_camera.fov = math.radians(45.0)
+    server.initial_camera.fov = _FOV_RAD
+
+
+def show_above_panel(server: Any) -> None:
+    """Have narrow pages, those that are open and all later ones, begin with the scene above the panel."""
+
+    async def place(client: Any) -> None:
+        await asyncio.sleep(_CAMERA_S)
+        camera, first = client.camera, server.initial_camera
+        if camera.image_width <= _NARROW_PX:
+            camera.position, camera.look_at = narrow_view(first.position, first.look_at, camera.aspect)
+
+    server.on_client_connect(place)
+
+
+def narrow_view(eye_w: np.ndarray, look_at_w: np.ndarray, aspect: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return from where, and where to, a narrow page looks, for the place of a camera beside a panel."""
+    ahead = look_at_w - eye_w
+    right = np.cross(ahead, (0.0, 0.0, 1.0))
+    look_at = look_at_w - _ASIDE * right
+    ahead *= max(1.0, _ASPECT / aspect / _ROOM)
+    up = np.cross(right, ahead) / np.linalg.norm(right)  # as long as the distance
+    lower = 2.0 * math.tan(_FOV_RAD / 2.0) * _HIGHER * up
+    return look_at - ahead - lower, look_at - lower
 
 
 def _add_floor(scene: Any, floor: FloorConfig, background: BackgroundConfig) -> None:
