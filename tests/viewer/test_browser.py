@@ -239,7 +239,7 @@ def test_a_drawer_is_opened_with_keys(server: Any, open_page: Any) -> None:
                     "ik": x * np.cos(yaw) + y * np.sin(yaw) - ahead_m,
                     "jl": y * np.cos(yaw) - x * np.sin(yaw),
                     "yh": z,
-                    "uo": -math.remainder(yaw, math.tau),
+                    "uo": -math.remainder(yaw, math.tau) / 2,  # a key turns by 0.09 rad
                 }
                 keys = max(ways, key=lambda name: abs(ways[name]))
                 if abs(ways[keys]) < most:
@@ -247,15 +247,19 @@ def test_a_drawer_is_opened_with_keys(server: Any, open_page: Any) -> None:
                 shown.keyboard.press(keys[0] if ways[keys] > 0 else keys[1])
                 shown.wait_for_timeout(500)
 
-        drive_to(0.2, 0.04)
-        drive_to(0.01, 0.03)
-        shown.keyboard.press("n")
-        shown.wait_for_timeout(1500)
-        for _ in range(60):
-            shown.keyboard.press("k")
-            shown.wait_for_timeout(150)
+        for _ in range(5):  # who has missed the handle tries again
+            drive_to(0.2, 0.04)
+            drive_to(0.01, 0.03)
+            shown.keyboard.press("n")
+            shown.wait_for_timeout(1500)
+            for _ in range(20):
+                shown.keyboard.press("k")
+                shown.wait_for_timeout(150)
+                if page.player.at_end:
+                    break
             if page.player.at_end:
                 break
+            shown.keyboard.press("n")
         state_is(shown, "· solved")
     finally:
         is_over.set()
