@@ -22,7 +22,7 @@ from playwright.sync_api import sync_playwright
 
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--use-gl=angle", "--enable-unsafe-swiftshader"]
 SIZE = {"width": 1280, "height": 720}
-WAIT_MS = 6000
+REST_MS = 3000  # after the first picture, in which the last one comes
 # the times at which the scene's picture changed, and how many colours it had, looked at ten times a second
 WATCH = """
 window.pictures = [];
@@ -42,7 +42,7 @@ setInterval(() => {
     last = now;
 }, 100);
 """
-COLOURS = 100  # an empty page has a few
+COLOURS = 60  # an empty page has fewer
 
 
 def main() -> None:
@@ -72,7 +72,8 @@ def measured(browser: Any, of_view: list[str]) -> tuple[float, float, float]:
         assert address is not None
         address_s = time.time() - started
         page.goto(address[1])
-        page.wait_for_timeout(WAIT_MS)
+        page.wait_for_function(f"window.pictures.some(([at, colours]) => colours > {COLOURS})", timeout=60_000)
+        page.wait_for_timeout(REST_MS)
         times = [at - started for at, colours in page.evaluate("window.pictures") if colours > COLOURS]
         process.send_signal(signal.SIGINT)
     page.close()
