@@ -21,7 +21,7 @@ from typing import Any
 from playwright.sync_api import sync_playwright
 
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--use-gl=angle", "--enable-unsafe-swiftshader"]
-SIZE = {"width": 1280, "height": 720}
+SIZE = {"width": 760, "height": 420}
 REST_MS = 3000  # after the first picture, in which the last one comes
 # the times at which the scene's picture changed, and how many colours it had, looked at ten times a second
 WATCH = """
