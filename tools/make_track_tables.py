@@ -35,7 +35,7 @@ TRAIN, EVALUATE = STAGES = ("train", "evaluate")
 TRACKS = {
     "no-restrictions": ("dagger",),
     "interactive-expert": ("dagger", "--objects", "train"),
-    "no-interactions": ("bc", "--network", "small", "--dev-objects", "none"),
+    "no-interactions": ("command_bc", "--dev-objects", "none"),
 }
 CSV_HEAD = ["track", "task", "seed", "split", "object", "episodes", "successes"]
 SAMPLES = {"OpenCabinetDoor": ("--samples", "192000")}  # of DAgger, where the default is too few

@@ -9,7 +9,7 @@ import pytest
 from artiskill.errors import ConfigError
 from artiskill.experts.whole_body import Command, Grip, WholeBodyConfig
 from artiskill.learning.augmentation import Augmentation, AugmentationConfig, mirrored_agent
-from artiskill.learning.commands import CommandActor, CommandSpace
+from artiskill.learning.commands import GRIP_PHASES, CommandActor, CommandSpace
 from artiskill.learning.observation import ObservationArrays
 from artiskill.robots.config import load_robot
 from artiskill.robots.kinematics import RobotKinematics
@@ -97,11 +97,12 @@ def test_a_mirror_image_of_a_mirror_image_is_the_step_itself() -> None:
         np.testing.assert_allclose(one, other, atol=1e-6)
 
 
-def test_a_single_hand_rolls_the_other_way_in_a_mirror() -> None:
-    kinds = space(1).mirrored_kinds
-    right, left = (space(1).encode(replace(command(0, 1), twists=np.array([[0, 0, 0, 0, 0, w]]))) for w in (2, -2))
-    assert right[-1] != left[-1]
-    assert kinds[int(right[-1])] == left[-1]
+def test_where_kinds_are_grips_the_kind_is_that_of_the_hand_that_is_first_now() -> None:
+    own = replace(space(2), phases=GRIP_PHASES)
+    labels = own.encode(replace(command(0), phase=int(Grip.OPEN)))[None]  # its grips: open, shut
+    other = Augmentation(replace(NONE, mirror=1), own).mirrored(seen(), labels)[1]
+    assert (labels[0, -1], other[0, -1]) == (Grip.OPEN, Grip.SHUT)
+    assert own.decode(other[0]).grip.tolist() == [Grip.SHUT, Grip.OPEN]
 
 
 def test_about_the_share_asked_for_is_mirrored() -> None:

@@ -29,7 +29,7 @@ ALL_VARIATIONS = {"stretch": 0.1, "jitter_m": 0.002, "drop": 0.2, "unmask": 0.1}
 def test_an_expert_is_as_good_when_its_actions_go_through_commands(task: str) -> None:
     """What is lost on the way from actions to commands and back does not matter: an episode is still solved."""
     env: Any = gym.make(f"ArtiSkill/{task}-v0", obs_mode="pointcloud", objects="train").unwrapped
-    space = demonstrated_space(task, "joint")
+    space = demonstrated_space(task, "joint", {})
     reader, actor = ActionReader(space, 1.0), CommandActor(space)
     seen, info = env.reset(options={"level": 0})
     expert = make_expert(task, env.task.robot)
@@ -47,7 +47,7 @@ def test_an_expert_is_as_good_when_its_actions_go_through_commands(task: str) ->
 
 def test_commands_of_actions_of_another_control_mode() -> None:
     with pytest.raises(ConfigError, match="control mode 'joint', not 'operational_space'"):
-        demonstrated_space("PushChair", "operational_space")
+        demonstrated_space("PushChair", "operational_space", {})
 
 
 def run(folder: Path, data: Path, steps: int, **values: Any) -> Path:
@@ -67,9 +67,26 @@ def test_a_run_goes_on_bit_for_bit(data: Path, tmp_path: Path, values: dict[str,
     whole = run(tmp_path / "whole", data, 20, **changes)
     parts = run(run(tmp_path / "parts", data, 10, **changes), data, 20, **changes)
     one, other = (torch.load(path / LATEST, weights_only=False) for path in (whole, parts))
-    assert one["weights"]
+    plain = torch.load(run(tmp_path / "plain", data, 20) / LATEST, weights_only=False)["weights"]
+    is_same = all(torch.equal(weight, plain[name]) for name, weight in one["weights"].items())
+    assert is_same == (not values)
     for name, weight in one["weights"].items():
         assert torch.equal(weight, other["weights"][name]), name
+
+
+def test_what_demonstrations_cannot_tell_is_refused_before_anything_is_written(data: Path, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="two arms"):
+        run(tmp_path / "run", data, 20, algorithm__augmentation__mirror=0.5)
+    assert not (tmp_path / "run" / "run.json").exists()
+    run(tmp_path / "run", data, 20)
+    other = write_tiny_set(tmp_path / "hand", frame="end_effector")
+    with pytest.raises(ConfigError, match="'robot' or 'world', not 'end_effector'"):
+        run(tmp_path / "other", other, 20)
+
+
+def test_the_robot_is_the_one_that_demonstrated() -> None:
+    slower = demonstrated_space("PushChair", "joint", {"physics.timestep_s": 0.001})
+    assert slower.step_s == 0.025
 
 
 def test_a_run_acts_with_and_without_torch(data: Path, tmp_path: Path) -> None:

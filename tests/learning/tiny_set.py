@@ -47,7 +47,7 @@ def tiny_config(name: str = "bc", **values: Any) -> TrainConfig:
     return load_train_config(name, TASK, overrides=TINY | given)
 
 
-def write_tiny_set(folder: Path, task: str = TASK, seed: int = 0) -> Path:
+def write_tiny_set(folder: Path, task: str = TASK, seed: int = 0, frame: str = "world") -> Path:
     """Write a set with two objects."""
     rng = np.random.default_rng(seed)
     folder.mkdir(parents=True)
@@ -73,7 +73,7 @@ def write_tiny_set(folder: Path, task: str = TASK, seed: int = 0) -> Path:
     manifest = SetManifest(
         task=task,
         control_mode="joint",
-        sampling={"num_points": SIZES.points, "method": "maniskill", "frame": "world", "settings": {}},
+        sampling={"num_points": SIZES.points, "method": "maniskill", "frame": frame, "settings": {}},
         sizes=SIZES,
         objects=("cabinet-0002", "cabinet-0020"),
         targets=("link_0",),

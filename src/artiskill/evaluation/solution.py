@@ -267,7 +267,7 @@ def _packed(observation: Any) -> bytes:
     """Return the bytes of an observation's arrays, each filled up to `ALIGNMENT`."""
     if isinstance(observation, np.ndarray):
         return observation.tobytes() + bytes(-observation.nbytes % wire.ALIGNMENT)
-    return b"".join(map(_packed, observation.values()))
+    return b"".join(_packed(array) for _, array in _arrays_in(observation))
 
 
 def _checked_sampling(given: Any, name: str, obs_mode: str | None) -> Sampling | None:

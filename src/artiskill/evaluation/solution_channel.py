@@ -7,7 +7,6 @@ import math
 import select
 import signal
 import socket
-import struct
 import subprocess
 import time
 from pathlib import Path
@@ -66,7 +65,7 @@ class SolutionChannel:
         self._poll.register(self._channel, select.POLLIN | select.POLLOUT)
         self._readable = select.poll()
         self._readable.register(self._channel, select.POLLIN)
-        self._end_s = self._receiving_s = math.inf
+        self._end_s = math.inf
 
     def ask(self, kind: bytes, body: bytes, answer: bytes, most_bytes: int, limit_s: float = math.inf) -> bytes:
         """Send a frame and return the content of the answer.
@@ -85,7 +84,6 @@ class SolutionChannel:
         self._end_s = time.monotonic() + limit_s
         try:
             self._send(wire.HEADER.pack(kind, len(body)) + body)
-            self._limit_receiving(limit_s)
             return self._receive(answer, most_bytes)
         except (BrokenPipeError, ConnectionResetError):
             raise SolutionError(self._how_it_ended()) from None
@@ -112,16 +110,9 @@ class SolutionChannel:
         said = self._channel.recv(wire.HEADER.size, socket.MSG_PEEK | socket.MSG_DONTWAIT)
         raise SolutionError(f"{BROKEN}: it talks before it is asked" if said else self._how_it_ended())
 
-    def _limit_receiving(self, limit_s: float) -> None:
-        """Have the first `recv` of an answer wait so long, without a call before it that waits."""
-        if limit_s != self._receiving_s:
-            self._receiving_s = limit_s
-            whole_s, rest_us = divmod(max(1, int(1e6 * limit_s)), 1_000_000) if limit_s != math.inf else (0, 0)
-            self._channel.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", whole_s, rest_us))
-
     def _receive(self, answer: bytes, most_bytes: int) -> bytes:
         """Read a frame: no byte more than it may have."""
-        found = self._read(self._part(), wire.HEADER.size)
+        found = self._read(b"", wire.HEADER.size)
         kind, length = wire.HEADER.unpack_from(found)
         if kind not in (answer, wire.FAULT):
             raise SolutionError(f"{BROKEN}: it answers {kind!r}, not {answer!r}")
@@ -135,21 +126,14 @@ class SolutionChannel:
         return body
 
     def _read(self, found: bytes, count: int) -> bytes:
-        """Return at least so many bytes, of which some have come already."""
+        """Return at least so many bytes, of which some may have come already."""
         while len(found) < count:
             self._wait(self._readable)
-            found += self._part()
-        return found
-
-    def _part(self) -> bytes:
-        """Return the next bytes."""
-        try:
             part = self._channel.recv(_MOST_AT_ONCE)
-        except BlockingIOError:  # nothing came within the limit
-            raise TimeoutError from None
-        if not part:
-            raise SolutionError(self._how_it_ended())
-        return part
+            if not part:
+                raise SolutionError(self._how_it_ended())
+            found += part
+        return found
 
     def _how_it_ended(self) -> str:
         """Return the exit status or signal of a process that closed its end."""

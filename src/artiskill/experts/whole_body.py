@@ -115,6 +115,12 @@ def in_base_axes(state: RobotState, trunk_w: np.ndarray) -> np.ndarray:
     )
 
 
+def in_world_axes(state: RobotState, trunk: np.ndarray) -> np.ndarray:
+    """Return velocities (4,) of the trunk with base x and y along the world's axes, given along the base's."""
+    cos, sin = np.cos(state.robot_qpos[0, 2]), np.sin(state.robot_qpos[0, 2])
+    return np.array((cos * trunk[0] - sin * trunk[1], sin * trunk[0] + cos * trunk[1], trunk[2], trunk[3]))
+
+
 class WholeBodyController:
     """Twists of the hands to actions of the robot.
 
@@ -280,10 +286,7 @@ class CommandController:
     def _posture_qvel(self, state: RobotState, command: Command) -> np.ndarray:
         """Return (n,) preferred joint velocities, base x and y along the world's axes."""
         qpos = self.whole_body.qpos(state)
-        trunk = command.trunk_qvel.copy()
-        cos, sin = np.cos(qpos[2]), np.sin(qpos[2])
-        trunk[0] = cos * command.trunk_qvel[0] - sin * command.trunk_qvel[1]
-        trunk[1] = sin * command.trunk_qvel[0] + cos * command.trunk_qvel[1]
+        trunk = in_world_axes(state, command.trunk_qvel)
         arms = command.arm_gain_s * (self.arm_qpos_rad - qpos[TRUNK:])
         if self.rolls:
             arms[self.whole_body.arm_joints - 1 :: self.whole_body.arm_joints] = 0.0

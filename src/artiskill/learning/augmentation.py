@@ -11,7 +11,7 @@ import numpy as np
 
 from artiskill.config import check_inside, check_not_negative
 from artiskill.errors import ConfigError
-from artiskill.learning.commands import CommandSpace
+from artiskill.learning.commands import GRIP_PHASES, CommandSpace
 from artiskill.learning.observation import ObservationArrays
 
 _TRUNK, _FINGERS, _BASE = 4, 2, 3
@@ -25,11 +25,13 @@ _HAND_RAD = np.pi / 2  # twice what the hand is turned by against the last joint
 class AugmentationConfig:
     """How steps are varied; zeros leave them as they are."""
 
-    mirror: float  # share of the steps that are mirrored
-    stretch: float  # points in no handle move away from it, or nearer, by up to this share, in each direction
-    jitter_m: float  # standard deviation of each coordinate
-    drop: float  # up to this share of the points is missing
-    unmask: float  # up to this share of the points is in no mask
+    mirror: float = 0.0  # share of the steps that are mirrored
+    stretch: float = (
+        0.0  # points in no handle move away from it, or nearer, by up to this share, in each direction
+    )
+    jitter_m: float = 0.0  # standard deviation of each coordinate
+    drop: float = 0.0  # up to this share of the points is missing
+    unmask: float = 0.0  # up to this share of the points is in no mask
 
     def __post_init__(self) -> None:
         check_not_negative(self, "stretch", "jitter_m")
@@ -58,7 +60,7 @@ class Augmentation:
     def __call__(
         self, seen: ObservationArrays, labels: np.ndarray, rng: np.random.Generator
     ) -> tuple[ObservationArrays, np.ndarray]:
-        """Return variations of B steps: what is seen, with points in the robot's frame, and commands (B, V)."""
+        """Return variations of B steps: what is seen, with points in `world` or `robot`, and commands (B, V)."""
         config, (count, points) = self.config, seen.valid.shape
         if config.mirror:
             mirrored, other_labels = self.mirrored(seen, labels)
@@ -85,7 +87,7 @@ class Augmentation:
         return seen._replace(points=points, agent=agent), self._mirrored_labels(labels)
 
     def _mirrored_labels(self, labels: np.ndarray) -> np.ndarray:
-        """Return commands (B, V) as a mirror shows them: right and left change places, and ways to roll."""
+        """Return commands (B, V) as a mirror shows them: right and left change places."""
         space, found = self._space, labels.copy()
         a, m = space.arms, space.motion_size
         hands = labels[:, : 6 * a].reshape(-1, a, 2, 3)[:, ::-1] * np.stack((_MIRROR, _TURN))
@@ -93,7 +95,8 @@ class Augmentation:
         found[:, 6 * a + 1 : 6 * a + 3] *= -1.0  # the trunk's way to the left, and its turn
         for start in (m, m + a):  # widths, grips
             found[:, start : start + a] = labels[:, start : start + a][:, ::-1]
-        found[:, -1] = space.mirrored_kinds[labels[:, -1].astype(np.int64)]
+        if space.phases == GRIP_PHASES:  # of the first hand, which is another now
+            found[:, -1] = found[:, m + a]
         return found
 
 

@@ -4,17 +4,8 @@ The demonstrations' actions become the commands that amount to them (`ActionRead
 is needed; the robot's kinematics is known. The kinds of a command are what the fingers of the first hand do.
 """
 
-from dataclasses import dataclass
-
-from artiskill.learning.command_learner import CommandLearner, CommandLearnerConfig
-
-
-@dataclass(frozen=True)
-class CommandBCConfig(CommandLearnerConfig):
-    """Values of behaviour cloning of commands."""
+from artiskill.learning.command_learner import CommandLearner
 
 
 class CommandBC(CommandLearner):
     """A policy that commands what the demonstrations do."""
-
-    Config = CommandBCConfig

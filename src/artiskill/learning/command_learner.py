@@ -5,7 +5,7 @@ this say where the commands come from: `dagger`, `command_bc`.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, ClassVar
 
@@ -33,7 +33,7 @@ class CommandLearnerConfig:
     width_weight: float  # of the error of open fingers' width, where that of motions has 1
     grip_weight: float  # of the cross-entropy of what fingers do
     kind_weight: float  # of the cross-entropy of kinds
-    augmentation: AugmentationConfig
+    augmentation: AugmentationConfig = field(default=AugmentationConfig(), kw_only=True)
 
     def __post_init__(self) -> None:
         check_positive(self, "learning_rate", "gradient_norm", "error_bend")

@@ -6,14 +6,16 @@ several rolls. The likeliest one acts; a regression would act by their mean, whi
 where arrays are tensors; imports no torch.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from artiskill.config import check_positive
+from artiskill.config import check_positive, from_mapping, merge_overrides, to_mapping
+from artiskill.errors import PolicyError
+from artiskill.experts.registry import make_expert
 from artiskill.experts.whole_body import (
     TRUNK,
     Command,
@@ -22,9 +24,11 @@ from artiskill.experts.whole_body import (
     WholeBodyConfig,
     WholeBodyController,
     in_hand_axes,
+    in_world_axes,
 )
 from artiskill.robots.config import RobotConfig
 from artiskill.robots.kinematics import RobotKinematics, RobotPose
+from artiskill.tasks.task import Task
 
 GRIPS = len(Grip)
 GRIP_PHASES = tuple(grip.name.lower() for grip in Grip)  # where no expert says which phase it is in
@@ -73,13 +77,6 @@ class CommandSpace:
     @property
     def _rolls(self) -> int:
         return _ROLLS if self.arms == 1 else 1
-
-    @cached_property
-    def mirrored_kinds(self) -> np.ndarray:
-        """Return which kind each is in a mirror, (K,): the hand rolls the other way."""
-        ways = [0, 2, 1] if self._rolls > 1 else [0]
-        phases = np.arange(len(self.phases))[:, None]
-        return (phases * self._rolls + np.array(ways)).reshape(-1)
 
     @property
     def label_size(self) -> int:
@@ -194,8 +191,7 @@ class ActionReader:
         body, space = self._body, self._space
         qvel = targets[body.columns]
         trunk = qvel[:TRUNK].copy()  # base x and y along the base's axes, as targets have them
-        cos, sin = np.cos(pose.robot_qpos[0, 2]), np.sin(pose.robot_qpos[0, 2])
-        qvel[0], qvel[1] = cos * trunk[0] - sin * trunk[1], sin * trunk[0] + cos * trunk[1]
+        qvel[:TRUNK] = in_world_axes(pose, trunk)
         fingers = targets[body.finger_columns]  # (A, 2) m
         closing = body.closing_m(pose, space.close_speed_m_s)
         grip = np.select(
@@ -211,6 +207,21 @@ class ActionReader:
             grip=grip,
             width_m=fingers.mean(axis=1),
         )
+
+
+def commanding_expert(task: Task, values: Mapping[str, Any]) -> Any:
+    """Return the expert of a task, which says what it commands in any state, with some values changed.
+
+    Raises:
+        PolicyError: the task has no expert, or one that only acts.
+        ConfigError: an unknown or illegal value.
+    """
+    expert: Any = make_expert(task.name, task.robot)
+    missing = [name for name in ("command", "controller", "phases") if not hasattr(expert, name)]
+    if missing:
+        raise PolicyError(f"the expert of {task.name} gives no commands: it has no {missing[0]!r}")
+    config = merge_overrides(to_mapping(expert.config), values)
+    return make_expert(task.name, task.robot, from_mapping(type(expert.config), config, "algorithm.expert"))
 
 
 def command_space(

@@ -7,7 +7,7 @@ processes. The rounds' files, in the run's folder, and its checkpoints are all t
 import hashlib
 import json
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -19,13 +19,12 @@ import numpy as np
 import torch
 
 from artiskill.assets.catalog import object_id_of, resolve_objects
-from artiskill.config import from_mapping, merge_overrides, to_mapping
+from artiskill.config import from_mapping, to_mapping
 from artiskill.demos.demonstrator import FAULTS
 from artiskill.envs.control import JOINT
 from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.envs.wrappers import Sampling, VectorPointCloudDownsample
-from artiskill.errors import ConfigError, DivergedError, PolicyError, RunError
-from artiskill.experts.registry import make_expert
+from artiskill.errors import ConfigError, DivergedError, RunError
 from artiskill.experts.variation import Disturbance, load_variation
 from artiskill.files import atomic_write
 from artiskill.jobs.fork_server import fork_server
@@ -35,7 +34,7 @@ from artiskill.learning.array_policy import make_actor
 from artiskill.learning.augmentation import Augmentation
 from artiskill.learning.batch import Batch, Observation, Sizes, Statistics
 from artiskill.learning.checkpoints import load_weights, make_algorithm, save_weights
-from artiskill.learning.commands import command_space
+from artiskill.learning.commands import CommandSpace, command_space, commanding_expert
 from artiskill.learning.dagger import DAggerConfig
 from artiskill.learning.policy import one_thread
 from artiskill.learning.run import RunInfo, Table, read_info
@@ -111,6 +110,7 @@ class Rollouts:
         expert = commanding_expert(task, values.expert)
         agent = sum(field.size for field in robot_fields(len(task.robot.mounts)))
         space = command_space(task.robot, task.config.physics.step_s, expert.controller, expert.phases)
+        Augmentation(values.augmentation, space)  # an illegal one is refused before anything is written
         actions = len(expert.controller.whole_body.scale.center)
         sizes = Sizes(values.points, len(task.mask_names), agent, actions)
         zeros, ones = np.zeros(3), np.ones(3)
@@ -154,7 +154,8 @@ class RoundBatches:
         self._round_steps = -(-rollouts.config.steps // values.rounds)
         self._layout = trainer.info.layout
         self._table = Table(rollouts.folder / TABLE, self._step)
-        self._augmentation = Augmentation(values.augmentation, make_actor(trainer.info.commands).space)
+        space = from_mapping(CommandSpace, trainer.info.commands, "commands")
+        self._augmentation = Augmentation(values.augmentation, space)
         self._rounds = 0  # that were taken in
         self._records = np.zeros(0, self._layout.dtype)
         self._labels = np.zeros((0, 0), np.float32)
@@ -416,21 +417,6 @@ class Collector:
         except DivergedError:
             return np.zeros(len(actions), dtype=bool), np.ones(len(actions), dtype=bool)
         return solved, solved | out_of_time
-
-
-def commanding_expert(task: Task, values: Mapping[str, Any]) -> Any:
-    """Return the expert of a task, which says what it commands in any state, with some values changed.
-
-    Raises:
-        PolicyError: the task has no expert, or one that only acts.
-        ConfigError: an unknown or illegal value.
-    """
-    expert: Any = make_expert(task.name, task.robot)
-    missing = [name for name in ("command", "controller", "phases") if not hasattr(expert, name)]
-    if missing:
-        raise PolicyError(f"the expert of {task.name} gives no commands: it has no {missing[0]!r}")
-    config = merge_overrides(to_mapping(expert.config), values)
-    return make_expert(task.name, task.robot, from_mapping(type(expert.config), config, "algorithm.expert"))
 
 
 def shared_out(points: int, shares: tuple[int, ...]) -> list[int]:

@@ -158,6 +158,10 @@ def load_train_config(
         values["development"]["objects"] = (f"generated:{spec.category}:{_DEVELOPMENT_SEEDS[spec.category]}",)
     seen = values["network"]["input"]
     seen["origin"] = seen["body"] and spec.category in _AT_ORIGIN
+    if (
+        name in OF_COMMANDS and name not in INTERACTIVE
+    ):  # demonstrations' velocities tell the last action, which a policy then copies
+        seen["velocities"] = False
     if name in INTERACTIVE:
         _fill_rollouts(values["algorithm"], task, spec.category)
     config = from_layers(TrainConfig, lambda given: merge_overrides(values, given), overrides, f"{name}.yaml")
@@ -177,9 +181,18 @@ def read_train_config(folder: Path) -> TrainConfig:
 
 
 def algorithm_class(name: str) -> Any:
-    """Return the class of an algorithm; this imports torch."""
+    """Return the class of an algorithm; this imports torch.
+
+    Raises:
+        ConfigError: it learns commands, for which the engine's packages are needed, and one is missing.
+    """
     module, _, kind = ALGORITHMS[name].partition(":")
-    return getattr(import_module(module), kind)
+    try:
+        return getattr(import_module(module), kind)
+    except ImportError as error:
+        if name not in OF_COMMANDS or error.name == "torch":
+            raise
+        raise ConfigError(f"{name} needs {error.name}, which is not installed here") from error
 
 
 def algorithm_config(config: TrainConfig) -> Any:

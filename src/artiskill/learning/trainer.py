@@ -323,7 +323,7 @@ class SetSource:
             processes.rank,
             processes.world_size,
             trainer.state.step,
-            processes.device,
+            "cpu" if trainer.info.commands else processes.device,
         )
         if not trainer.info.commands:
             return loader
@@ -347,18 +347,20 @@ class SetSource:
             objects=list(held.objects),
             steps=held.steps,
             versions=versions,
-            commands=self._commands(config, held.control_mode),
+            commands=self._commands(config),
         )
 
-    @staticmethod
-    def _commands(config: TrainConfig, control_mode: str) -> dict[str, Any]:
+    def _commands(self, config: TrainConfig) -> dict[str, Any]:
         """Return the space of commands, where such are learned.
 
         Raises:
-            ConfigError: actions of another control mode tell no commands.
+            ConfigError: these demonstrations tell no commands, or the values do not fit them.
         """
         if config.name not in OF_COMMANDS:
             return {}
-        from artiskill.learning.command_batches import demonstrated_space
+        from artiskill.learning.command_batches import check_demonstrated, demonstrated_space
 
-        return to_mapping(demonstrated_space(config.task, control_mode))
+        held = self._set.manifest
+        space = demonstrated_space(config.task, held.control_mode, held.overrides)
+        check_demonstrated(config, space, held.sampling["frame"])
+        return to_mapping(space)
