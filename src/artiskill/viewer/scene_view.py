@@ -31,8 +31,8 @@ _LINE_M, _AXIS_M, _GRASP_M, _MARGIN_M = 0.006, 0.25, 0.05, 0.012
 _ABOVE_M, _CAPTION_M = 0.0015, 0.1
 _MOST_GRASPS = 12  # of a handle; the best ones
 _FLOOR_M = 40.0  # half of a side
-_ROOM = 1.15  # the camera stands so many times as far away as it has to
-_ASIDE = 0.24  # the camera stands so much of its distance to the right: the panel covers the right
+_ROOM, _ROOM_BESIDE = 1.15, 1.3  # the camera stands so many times as far away as it has to; beside a panel
+_ASIDE = 0.34  # the camera stands so much of its distance to the right: the panel covers what robots go to
 _FOV_RAD, _ASPECT = math.radians(45.0), 4 / 3  # of the camera; which part of what it sees is the scene
 # pages that are not wider have viser's panel over the lower 60 %, so the scene is shown that share of them higher
 _NARROW_PX, _HIGHER = 576, 0.28
@@ -280,7 +280,7 @@ def add_stage(server: Any, config: RenderConfig, eye_w: Any, look_at_w: Any, has
     sky = up * np.array(config.background.zenith) + (1 - up) * np.array(config.background.horizon)
     scene.set_background_image(np.tile((255 * sky).astype(np.uint8)[:, None], (1, 4, 1)), format="png")
     eye, look_at = np.asarray(eye_w, dtype=float), np.asarray(look_at_w, dtype=float)
-    eye = look_at + _ROOM * (eye - look_at)
+    eye = look_at + (_ROOM_BESIDE if has_panel else _ROOM) * (eye - look_at)
     right = np.cross(look_at - eye, (0.0, 0.0, 1.0))  # as long as the distance, nearly
     aside = _ASIDE * right if has_panel else 0.0
     server.initial_camera.position = eye + aside
@@ -305,7 +305,7 @@ def narrow_view(eye_w: np.ndarray, look_at_w: np.ndarray, aspect: float) -> tupl
     ahead = look_at_w - eye_w
     right = np.cross(ahead, (0.0, 0.0, 1.0))
     look_at = look_at_w - _ASIDE * right
-    ahead *= max(1.0, _ASPECT / aspect / _ROOM)
+    ahead *= max(1.0, _ASPECT / aspect / _ROOM_BESIDE)
     up = np.cross(right, ahead) / np.linalg.norm(right)  # as long as the distance
     lower = 2.0 * math.tan(_FOV_RAD / 2.0) * _HIGHER * up
     return look_at - ahead - lower, look_at - lower
