@@ -16,7 +16,7 @@ import artiskill  # noqa: F401 - registers the environments
 from artiskill.errors import ConfigError
 from artiskill.experts.registry import make_expert
 from artiskill.learning.array_policy import ArrayPolicy
-from artiskill.learning.command_batches import demonstrated_space
+from artiskill.learning.command_bc import demonstrated_space
 from artiskill.learning.commands import ActionReader, CommandActor
 from artiskill.learning.policy import RunPolicy, export_policy
 from artiskill.learning.run import LATEST

@@ -216,8 +216,7 @@ class WholeBodyController:
         targets = np.zeros_like(self.scale.center)
         targets[-_FINGERS:] = state.robot_qpos[0, -_FINGERS:]
         targets[self.columns] = qvel
-        cos, sin = np.cos(state.robot_qpos[0, 2]), np.sin(state.robot_qpos[0, 2])
-        targets[0], targets[1] = cos * qvel[0] + sin * qvel[1], -sin * qvel[0] + cos * qvel[1]
+        targets[:TRUNK] = in_base_axes(state, qvel[:TRUNK])
         targets[self.finger_columns] = finger_position_m
         return self.scale.to_actions(targets)
 

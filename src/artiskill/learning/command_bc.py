@@ -4,8 +4,98 @@ The demonstrations' actions become the commands that amount to them (`ActionRead
 is needed; the robot's kinematics is known. The kinds of a command are what the fingers of the first hand do.
 """
 
+from collections.abc import Mapping
+from typing import Any, Self
+
+import numpy as np
+import torch
+
+from artiskill.config import check, from_mapping
+from artiskill.envs.control import JOINT
+from artiskill.learning.augmentation import Augmentation
+from artiskill.learning.batch import Batch, Observation
 from artiskill.learning.command_learner import CommandLearner
+from artiskill.learning.commands import (
+    GRIP_PHASES,
+    ActionReader,
+    CommandSpace,
+    command_space,
+    commanding_expert,
+)
+from artiskill.learning.loading import BatchLoader
+from artiskill.learning.observation import ObservationArrays
+from artiskill.learning.train_config import TrainConfig, algorithm_config
+from artiskill.learning.trainer import Trainer
+from artiskill.tasks.registry import make_task
+
+_ARM_GAIN_S = 1.0  # how strongly arms strive for their posture beside what hands do
+_HAND = "end_effector"  # the frame in which points cannot be mirrored, nor bases found
+_STREAM = 11  # tells the random numbers of variations from others of the same seed
 
 
 class CommandBC(CommandLearner):
     """A policy that commands what the demonstrations do."""
+
+
+def demonstrated_space(task_name: str, control_mode: str, overrides: Mapping[str, Any]) -> CommandSpace:
+    """Return the space of commands that demonstrations of a task are told in: its expert's, without phases.
+
+    Raises:
+        ConfigError: actions of this control mode tell no commands.
+        PolicyError: the task's expert gives no commands.
+    """
+    check(control_mode == JOINT, f"commands are told by actions of control mode {JOINT!r}, not {control_mode!r}")
+    task = make_task(task_name, overrides)
+    controller = commanding_expert(task, {}).controller
+    return command_space(task.robot, task.config.physics.step_s, controller, GRIP_PHASES)
+
+
+def check_demonstrated(config: TrainConfig, space: CommandSpace, frame: str) -> None:
+    """Refuse what only shows when batches are made.
+
+    Raises:
+        ConfigError: points in the frame of the hand, in which base and hands cannot be found; or mirror images
+            of a robot that has none.
+    """
+    Augmentation(algorithm_config(config).augmentation, space)
+    check(frame != _HAND, f"{config.name} needs points in frame 'robot' or 'world', not {frame!r}")
+
+
+class CommandBatches:
+    """The batches of a loader, with commands for actions, varied as the run's values say.
+
+    Args:
+        loader: of the run.
+        trainer: of the run, from where it stands.
+    """
+
+    def __init__(self, loader: BatchLoader, trainer: Trainer) -> None:
+        space = from_mapping(CommandSpace, trainer.info.commands, "commands")
+        self._loader, self._step, self._key = loader, trainer.state.step, trainer.config.seed
+        self._rank, self._device = trainer.processes.rank, trainer.processes.device
+        self._reader = ActionReader(space, _ARM_GAIN_S)
+        self._augmentation = Augmentation(algorithm_config(trainer.config).augmentation, space)
+
+    def __iter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __next__(self) -> Batch:
+        """Return the next batch."""
+        batch = next(self._loader)  # on the CPU
+        rng = np.random.Generator(np.random.Philox(key=self._key, counter=[0, _STREAM, self._rank, self._step]))
+        self._step += 1
+        seen = ObservationArrays(*(part.numpy() for part in batch.observation))
+        labels = self._reader.labels(seen.agent, batch.action.numpy())
+        seen, labels = self._augmentation(seen, labels, rng)
+        *parts, action = (torch.from_numpy(part).to(self._device) for part in (*seen, labels))
+        weight, reward, terminated = (one.to(self._device) for one in batch[2:5])
+        return Batch(Observation(*parts), action, weight, reward, terminated, None)
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """End the loader's threads."""
+        self._loader.close()

@@ -158,9 +158,7 @@ def load_train_config(
         values["development"]["objects"] = (f"generated:{spec.category}:{_DEVELOPMENT_SEEDS[spec.category]}",)
     seen = values["network"]["input"]
     seen["origin"] = seen["body"] and spec.category in _AT_ORIGIN
-    if (
-        name in OF_COMMANDS and name not in INTERACTIVE
-    ):  # demonstrations' velocities tell the last action, which a policy then copies
+    if name == "command_bc":  # velocities tell the demonstrations' last action, which a policy then copies
         seen["velocities"] = False
     if name in INTERACTIVE:
         _fill_rollouts(values["algorithm"], task, spec.category)

@@ -327,7 +327,7 @@ class SetSource:
         )
         if not trainer.info.commands:
             return loader
-        from artiskill.learning.command_batches import CommandBatches  # it needs the engine's kernels
+        from artiskill.learning.command_bc import CommandBatches  # it needs the engine's kernels
 
         return CommandBatches(loader, trainer)
 
@@ -358,7 +358,7 @@ class SetSource:
         """
         if config.name not in OF_COMMANDS:
             return {}
-        from artiskill.learning.command_batches import check_demonstrated, demonstrated_space
+        from artiskill.learning.command_bc import check_demonstrated, demonstrated_space
 
         held = self._set.manifest
         space = demonstrated_space(config.task, held.control_mode, held.overrides)
