@@ -8,6 +8,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from artiskill.evaluation import wire
 from artiskill.evaluation.evaluate import evaluate, run_evaluation
 from artiskill.evaluation.plan import plan_evaluation
 from artiskill.evaluation.policies import trained_task
-from artiskill.evaluation.remote import RemotePolicy
+from artiskill.evaluation.remote import RemotePolicy, ask_metadata
 from artiskill.evaluation.report import Report, write_report
 from artiskill.evaluation.verify import verify_policy, verify_report
 from artiskill.evaluation.wire import pack, unpack
@@ -342,7 +343,9 @@ def test_another_policy_since() -> None:
             run_evaluation(plan)
 
 
-def test_over_tls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def certified(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ssl.SSLContext:
+    """Return what a server needs for TLS, with a certificate that this process trusts."""
     if shutil.which("openssl") is None:
         pytest.skip("openssl makes the certificate")
     key, certificate = tmp_path / "key.pem", tmp_path / "certificate.pem"
@@ -351,13 +354,29 @@ def test_over_tls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     subprocess.run([*made_by, "-keyout", key, "-out", certificate], check=True, capture_output=True)
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(certificate, key)
-    with server(ssl=context) as made:
+    monkeypatch.setenv("SSL_CERT_FILE", str(certificate))
+    return context
+
+
+def test_over_tls(certified: ssl.SSLContext, monkeypatch: pytest.MonkeyPatch) -> None:
+    with server(ssl=certified) as made:
         url = made.url.replace("ws:", "wss:")
+        assert play(url).total.episodes == 1
+        monkeypatch.delenv("SSL_CERT_FILE")
         with pytest.raises(PolicyError, match=f"^{url}: no connection: .*certificate"):
             play(url)
-        monkeypatch.setenv("SSL_CERT_FILE", str(certificate))
-        assert play(url).total.episodes == 1
     assert made.received[-1], "observations came through"
+
+
+def test_tls_connections_stand_every_time(certified: ssl.SSLContext) -> None:
+    certified.num_tickets = 20  # they arrive while the client's request is sent, which OpenSSL does not bear
+    with server(ssl=certified) as made, ThreadPoolExecutor(4) as threads:
+        url = made.url.replace("ws:", "wss:")
+
+        def ask(_: int) -> str | None:
+            return ask_metadata(RemotePolicy(url, connect_timeout_s=10)).obs_mode
+
+        assert list(threads.map(ask, range(100))) == ["state"] * 100
 
 
 def free_port() -> int:

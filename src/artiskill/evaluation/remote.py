@@ -4,10 +4,6 @@ The server is a stranger: it sees observations, and every fault of it is one `Po
 """
 
 import logging
-import os
-import socket
-import ssl
-import struct
 import time
 from collections.abc import Mapping
 from contextlib import closing
@@ -23,17 +19,15 @@ from artiskill.envs.control import CONTROL_MODES
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.options import OBSERVATION_MODES
 from artiskill.envs.wrappers import Sampling
-from artiskill.errors import ArtiSkillError, MissingExtraError, PolicyError, check_name
+from artiskill.errors import ArtiSkillError, PolicyError, check_name
 from artiskill.evaluation import wire
+from artiskill.evaluation.remote_channel import RemoteChannel
 from artiskill.evaluation.sandbox import Confinement
 from artiskill.evaluation.wire import ObservationWriter, ServerMetadata, WireError
 from artiskill.tasks.registry import SEEN_SECTIONS
 
 SCHEMES = ("ws", "wss")
 CONNECT_TIMEOUT_S, STEP_TIMEOUT_S = 120.0, 60.0  # a large policy may compile at its first call
-_CLOSE_S = 1.0
-LOOPBACKS = ("127.0.0.1", "localhost", "::1")
-_TOO_BIG = 1009  # WebSocket's status, RFC 6455, section 7.4.1
 _log = logging.getLogger(__name__)
 
 
@@ -207,7 +201,7 @@ class RemoteActor:
         self._prompt = ""
         self._writer: ObservationWriter | None = None
         try:
-            self._channel = _Channel(policy)
+            self._channel = RemoteChannel(policy.url, policy.connect_timeout_s, policy.step_timeout_s)
             try:
                 self.metadata = wire.read_metadata(self._channel.receive("metadata", policy.connect_timeout_s))
                 if policy.expected not in (None, self.metadata):
@@ -266,121 +260,3 @@ class RemoteActor:
         if error.details:
             found.add_note(f"the server says:\n{error.details}")
         return found
-
-
-class _Channel:
-    """A WebSocket that is given up as soon as anything goes wrong.
-
-    Args:
-        policy: whose server it leads to.
-
-    Raises:
-        WireError: no connection.
-        MissingExtraError: websockets or msgpack is not installed.
-    """
-
-    def __init__(self, policy: RemotePolicy) -> None:
-        wire.import_msgpack()
-        try:
-            import websockets.sync.client as client
-        except ImportError as error:
-            raise MissingExtraError("a policy behind a WebSocket", wire.EXTRA) from error
-        from websockets.exceptions import InvalidStatus, WebSocketException
-
-        key, host = os.environ.get(wire.API_KEY), urlsplit(policy.url).hostname
-        try:
-            self._socket = client.connect(
-                policy.url,
-                compression=None,
-                additional_headers={"Authorization": f"Api-Key {key}"} if key else None,
-                proxy=None if host in LOOPBACKS else True,
-                open_timeout=policy.connect_timeout_s,
-                close_timeout=_CLOSE_S,
-                ping_interval=None,  # a policy that thinks answers no pings
-                max_size=wire.MOST_BYTES,
-            )
-        except TimeoutError as error:
-            raise WireError(f"no connection within {policy.connect_timeout_s:g} s") from error
-        except OSError as error:
-            raise WireError(f"no connection: {error.strerror or error}") from error
-        except InvalidStatus as error:
-            status = error.response.status_code
-            hint = f"; its key goes into the environment variable {wire.API_KEY}" if status in (401, 403) else ""
-            raise WireError(f"no connection: it answers with HTTP status {status}{hint}") from error
-        except (WebSocketException, ValueError, EOFError) as error:
-            raise WireError("no connection: what answers there speaks no WebSocket") from error
-        whole = int(policy.step_timeout_s)
-        limit = struct.pack("ll", whole, int(1e6 * (policy.step_timeout_s - whole)) or 1)
-        self._socket.socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, limit)
-        self._limit_s = policy.step_timeout_s
-
-    def send(self, message: bytes) -> None:
-        """Send a message.
-
-        Raises:
-            WireError: the connection is lost, or the server reads too slowly.
-        """
-        from websockets.exceptions import ConnectionClosed
-
-        try:
-            self._socket.send(message)
-        except ConnectionClosed as error:
-            if isinstance(error.__cause__, BlockingIOError | ssl.SSLWantWriteError):
-                raise WireError(f"it does not read an observation within {self._limit_s:g} s") from error
-            self._raise_text()
-            raise self._lost(error) from error
-
-    def receive(self, what: str, limit_s: float) -> dict[Any, Any]:
-        """Return the next message.
-
-        Args:
-            what: is waited for.
-            limit_s: in which time.
-
-        Raises:
-            WireError: it does not come, or is none; or the server says that its policy failed.
-        """
-        from websockets.exceptions import ConnectionClosed
-
-        try:
-            message = self._socket.recv(limit_s)
-        except TimeoutError as error:
-            raise WireError(f"no {what} within {limit_s:g} s") from error
-        except ConnectionClosed as error:
-            raise self._lost(error) from error
-        if isinstance(message, str):
-            raise _failed(message)
-        try:
-            return wire.unpack(message)
-        except WireError as error:
-            raise WireError(f"it sends {error}") from error
-
-    def close(self) -> None:
-        """Close it; later calls do nothing."""
-        self._socket.close()
-
-    def _raise_text(self) -> None:
-        """Raise what the server said before it closed the connection, if it said that its policy failed."""
-        from websockets.exceptions import ConnectionClosed
-
-        try:
-            message = self._socket.recv(0)
-        except (TimeoutError, ConnectionClosed):
-            return
-        if isinstance(message, str):
-            raise _failed(message)
-
-    def _lost(self, error: Any) -> WireError:
-        """Return the error of a connection that was closed, by either side."""
-        if error.sent is not None and error.sent.code == _TOO_BIG:
-            return WireError(f"it sends a message of more than {wire.MOST_BYTES} bytes")
-        if error.rcvd is None:
-            broken = error.sent is not None and not error.rcvd_then_sent
-            return WireError(f"it breaks WebSocket's rules ({error.sent.reason})" if broken else "connection lost")
-        reason = wire.printable(error.rcvd.reason, 200)
-        said = f"status {error.rcvd.code}, {reason}" if reason else f"status {error.rcvd.code}"
-        return WireError(f"connection lost: the server closed it ({said})")
-
-
-def _failed(text: str) -> WireError:
-    return WireError(f"the policy failed: {wire.last_line(text)}", wire.printable(text))

@@ -29,7 +29,8 @@ from artiskill.evaluation.policies import (
     policy_of_task,
     trained_task,
 )
-from artiskill.evaluation.remote import LOOPBACKS, as_remote
+from artiskill.evaluation.remote import as_remote
+from artiskill.evaluation.remote_channel import LOOPBACKS
 from artiskill.evaluation.sandbox import SandboxConfig
 from artiskill.evaluation.solution import ObjectSolution
 
