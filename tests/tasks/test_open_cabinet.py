@@ -13,7 +13,7 @@ from artiskill.errors import AssetError, ConfigError, UnknownNameError
 from artiskill.scene.scene import build_scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.handle_proximity import finger_distances, hand_angle
+from artiskill.tasks.cabinet_measures import MEASURES, finger_distances, hand_angle, measure, measure_by_arrays
 from artiskill.tasks.levels import MAX_LEVEL, RngStream, check_level, level_generator
 from artiskill.tasks.open_cabinet import CabinetGoal, make_cabinet_goal
 from artiskill.tasks.registry import make_task
@@ -107,6 +107,27 @@ def at_handle(snapshot: Snapshot, goal: CabinetGoal) -> tuple[np.ndarray, np.nda
     lines, hand = snapshot.finger_line_w[:, :2], snapshot.tool_rotation_w[:, 0]
     distance, depth = finger_distances(lines, origin, rotation, goal.handle_points, goal.handle_planes)
     return distance, depth, hand_angle(rotation, hand, goal.grasp_rotations)
+
+
+def test_kernels_measure_what_the_array_code_defines(moving: tuple[Snapshot, CabinetGoal]) -> None:
+    (snapshot, goal), rng = moving, np.random.default_rng(0)
+
+    def shaken(values: np.ndarray) -> np.ndarray:
+        return values + rng.normal(0.0, 0.01, values.shape)
+
+    snapshot = dataclasses.replace(
+        snapshot,
+        object_qvel=shaken(snapshot.object_qvel),
+        previous_link_position_w=shaken(snapshot.link_position_w),
+        previous_link_quaternion_w=shaken(snapshot.link_quaternion_w),
+    )
+    limits = 0.015, 0.1, 1.0
+    kernels, arrays = measure(snapshot, goal, *limits), measure_by_arrays(snapshot, goal, *limits)
+    assert kernels.shape == (3, len(MEASURES))
+    assert (np.ptp(arrays, axis=0) > 0).all(), "every measure is tried with different values"
+    np.testing.assert_allclose(kernels, arrays, rtol=1e-12, atol=1e-14)
+    exact = [MEASURES.index(name) for name in ("opening_speed", "opening", "speed", "angular_speed")]
+    np.testing.assert_array_equal(kernels[:, exact], arrays[:, exact])
 
 
 def test_distance_is_that_of_segments_to_points(

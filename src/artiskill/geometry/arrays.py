@@ -126,7 +126,8 @@ def power(values: np.ndarray, exponent: float) -> np.ndarray:
 def _by_number(function: Callable[..., float], *values: Any) -> np.ndarray:
     """Call a function of `math` for each element of one array, or of several that are broadcast to one shape."""
     together = [np.asarray(values[0])] if len(values) == 1 else np.broadcast_arrays(*values)
-    first = together[0]
+    first, kind = together[0], np.result_type(*values, 0.0)
+    if first.size == 1:  # one environment's: half the time
+        return np.array(function(*(array.item() for array in together)), kind).reshape(first.shape)
     numbers = (array.ravel().tolist() for array in together)
-    found = np.fromiter(map(function, *numbers), np.result_type(*values, 0.0), first.size)
-    return found.reshape(first.shape)
+    return np.fromiter(map(function, *numbers), kind, first.size).reshape(first.shape)

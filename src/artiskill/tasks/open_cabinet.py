@@ -21,8 +21,8 @@ from artiskill.robots.config import RobotConfig
 from artiskill.scene.scene import Scene
 from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import InitialState
-from artiskill.tasks import handle_proximity, staged_reward
-from artiskill.tasks.handle_proximity import finger_distances, hand_angle
+from artiskill.tasks import cabinet_measures, staged_reward
+from artiskill.tasks.cabinet_measures import MEASURES, measure, target_motion
 from artiskill.tasks.initial_state import check_ranges, polar, robot_qpos
 from artiskill.tasks.staged_reward import Ramp, Stage, StageTable
 from artiskill.tasks.task import ObservationField, Task, TaskConfig, object_size, observe_state, state_fields
@@ -34,6 +34,7 @@ _NO_PLANE = np.array((0.0, 0.0, 0.0, -1e3))
 # The last stage begins a little further than open enough: a link that is opened slowly, and so counts as still,
 # would otherwise skip the stage before it.
 _SAFELY_OPEN = 1.02
+_COLUMN = {name: i for i, name in enumerate(MEASURES)}
 
 # Measures:
 #   hand_angle        angle to the nearest grasp pose, over pi
@@ -272,12 +273,10 @@ def sample_initial_state(
 
 def success_flags(snapshot: Snapshot, goal: CabinetGoal, config: CabinetSuccessConfig) -> dict[str, Array]:
     """Return the conditions of `FLAG_NAMES` as they are in this step, each (B,) bool."""
-    row, link = goal.row, goal.link
-    slow = snapshot.link_speed_m_s[row, link] <= config.max_speed_m_s
-    turning_slowly = snapshot.link_angular_speed_rad_s[row, link] <= config.max_angular_speed_rad_s
+    speed, angular_speed = target_motion(snapshot, goal)
     return {
-        "open_enough": snapshot.object_qpos[row, goal.joint] >= goal.open_qpos,
-        "cabinet_static": slow & turning_slowly,
+        "open_enough": snapshot.object_qpos[goal.row, goal.joint] >= goal.open_qpos,
+        "cabinet_static": (speed <= config.max_speed_m_s) & (angular_speed <= config.max_angular_speed_rad_s),
     }
 
 
@@ -289,26 +288,13 @@ def reward_terms(
     success: CabinetSuccessConfig,
 ) -> dict[str, Array]:
     """Return the unweighted terms of `TABLE`, each (B,), given the flags of the same step."""
-    xp = namespace(snapshot.object_qpos)
-    row, link, joint = goal.row, goal.link, goal.joint
-    origin, rotation = snapshot.link_position_w[row, link], snapshot.link_rotation_w[row, link]
-    lines = snapshot.finger_line_w[:, :2]  # of the first arm, as its hand below
-    distance, depth = finger_distances(lines, origin, rotation, goal.handle_points, goal.handle_planes)
-    gap = xp.maximum(distance[:, 0], distance[:, 1]) / config.close_distance_m
-    opening = (snapshot.object_qpos[row, joint] - goal.lower) / (goal.open_qpos - goal.lower)
+    limits = config.close_distance_m, success.max_speed_m_s, success.max_angular_speed_rad_s
+    measured = measure(snapshot, goal, *limits)
+    opening, gap, depth = (measured[:, _COLUMN[name]] for name in ("opening", "finger_gap", "depth"))
     still = flags["cabinet_static"] & (opening >= _SAFELY_OPEN)
-    stage = xp.where(flags["open_enough"], 2 + still, (gap <= 1.0) & (depth > 0))  # (B,) 0 to 3
-    measures = {
-        "hand_angle": hand_angle(rotation, snapshot.tool_rotation_w[:, 0], goal.grasp_rotations),
-        "handle_distance": 0.5 * (distance[:, 0] + distance[:, 1]),
-        "finger_gap": gap,
-        "depth": depth,
-        "opening_speed": snapshot.object_qvel[row, joint],
-        "opening": opening,
-        "speed": snapshot.link_speed_m_s[row, link] / success.max_speed_m_s,
-        "angular_speed": snapshot.link_angular_speed_rad_s[row, link] / success.max_angular_speed_rad_s,
-    }
-    return TABLE.evaluate(measures, stage, config.stage_bonus)
+    is_close = (gap <= 1.0) & (depth > 0)
+    stage = namespace(measured).where(flags["open_enough"], 2 + still, is_close)  # (B,) 0 to 3
+    return TABLE.evaluate(measured, stage, config.stage_bonus)
 
 
 def observe(snapshot: Snapshot, goal: CabinetGoal, max_joints: int) -> Array:
@@ -346,7 +332,7 @@ def make_open_cabinet(config: OpenCabinetConfig) -> Task:
     """Assemble the task; doors and drawers differ only in `config`."""
     robot, joints = config.robot, config.max_object_joints
     check_inside("initial.lift_m", config.initial.lift_m, robot.lift.range_m)
-    handle_proximity.load_kernels()
+    cabinet_measures.load_kernels()
     staged_reward.load_kernel()
     one_hot = ObservationField("target joint, one-hot", joints, 1.0, "1")
     return Task(

@@ -102,18 +102,21 @@ class StageTable:
         self._asked = np.array(asked, dtype=float)
         self._leavable = np.array([_NEAREST if stage.leaves else 0.0 for stage in self.stages])
 
-    def evaluate(self, measures: Mapping[str, Array], stage: Array, bonus: Sequence[float]) -> dict[str, Array]:
+    def evaluate(
+        self, measures: Mapping[str, Array] | Array, stage: Array, bonus: Sequence[float]
+    ) -> dict[str, Array]:
         """Return the unweighted terms.
 
         Args:
-            measures: name -> (B,), at least those of `measures`.
+            measures: name -> (B,), at least those of `measures`; or (B, M), these in their order.
             stage: (B,) number of the stage.
             bonus: of each stage.
 
         Returns:
             Name -> (B,): the table's terms in [0, 1], and `stage` between the bonus of this stage and the next.
         """
-        measured = columns([measures[name] for name in self.measures])
+        is_named = isinstance(measures, Mapping)
+        measured = columns([measures[name] for name in self.measures]) if is_named else measures
         if isinstance(measured, np.ndarray):
             table = np.empty((len(measured), len(self.terms) + 1))
             measured = np.ascontiguousarray(measured, dtype=np.float64)

@@ -1,0 +1,271 @@
+"""What the cabinet tasks measure: how the target moves, and how the hand lies at its handle.
+
+An environment's step spends some 300 microseconds in the engine, and had 50 more in these array calls; the kernels
+take 7 (benchmarks/environment.py shows the whole). The array code remains for other libraries, and as the
+definition that a test holds the kernels to. Handle data is in the frame of the link that carries the handle.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from artiskill.geometry.arrays import Array, amax, amin, arccos, clip, columns, dot, matmul, namespace
+from artiskill.geometry.kernel import allocating_kernel, inlined_kernel, kernel
+from artiskill.geometry.meshes import depth_inside
+from artiskill.sim.snapshot import Snapshot
+
+MEASURES = (  # what they mean stands with the task's table of stages
+    "hand_angle",
+    "handle_distance",
+    "depth",
+    "opening_speed",
+    "opening",
+    "speed",
+    "finger_gap",
+    "angular_speed",
+)
+# Five points along the fingers' mid-line, as weights of the ends (start, tip) of the two fingers' lines.
+_MIDDLE_WEIGHTS = np.array([(1 - t, t, 1 - t, t) for t in (0.0, 0.25, 0.5, 0.75, 1.0)]) / 2
+
+
+def target_motion(snapshot: Snapshot, goal: Any) -> tuple[Array, Array]:
+    """Return the speed and the angular speed of each target's link over the last step, (B,) m/s and rad/s.
+
+    Args:
+        snapshot: of B environments.
+        goal: their `CabinetGoal`.
+    """
+    if not isinstance(snapshot.object_qpos, np.ndarray):
+        at = goal.row, goal.link
+        return snapshot.link_speed_m_s[at], snapshot.link_angular_speed_rad_s[at]
+    motion = np.empty((2, len(goal.link)))
+    _motion_kernel(goal.link, _link_poses(snapshot), snapshot.step_s, motion)
+    return motion[0], motion[1]
+
+
+def measure(snapshot: Snapshot, goal: Any, close_m: float, slow_m_s: float, slow_rad_s: float) -> Array:
+    """Return `MEASURES`, (B, M).
+
+    Args:
+        snapshot: of B environments.
+        goal: their `CabinetGoal`.
+        close_m: the distance of both fingers to the handle that counts as close.
+        slow_m_s: the speed of the target's link that counts as still.
+        slow_rad_s: likewise its angular speed.
+    """
+    if not isinstance(snapshot.object_qpos, np.ndarray):
+        return measure_by_arrays(snapshot, goal, close_m, slow_m_s, slow_rad_s)
+    measured = np.empty((len(goal.link), len(MEASURES)))
+    as_one = np.ascontiguousarray  # one memory layout, one compilation
+    _measure_kernel(
+        goal.link,
+        _link_poses(snapshot),
+        snapshot.step_s,
+        goal.joint,
+        (snapshot.object_qpos, snapshot.object_qvel, goal.lower, goal.open_qpos),
+        (as_one(snapshot.link_rotation_w), as_one(snapshot.finger_line_w), as_one(snapshot.tool_rotation_w)),
+        (goal.handle_points, goal.handle_planes, goal.grasp_rotations, _MIDDLE_WEIGHTS),
+        (float(close_m), float(slow_m_s), float(slow_rad_s)),
+        measured,
+    )
+    return measured
+
+
+def measure_by_arrays(snapshot: Snapshot, goal: Any, close_m: float, slow_m_s: float, slow_rad_s: float) -> Array:
+    """Return what `measure` does, for any array library: the kernel's definition."""
+    xp, at = namespace(snapshot.object_qpos), (goal.row, goal.link)
+    origin, rotation = snapshot.link_position_w[at], snapshot.link_rotation_w[at]
+    lines = snapshot.finger_line_w[:, :2]  # of the first arm, as its hand below
+    distance, depth = finger_distances(lines, origin, rotation, goal.handle_points, goal.handle_planes)
+    qpos = snapshot.object_qpos[goal.row, goal.joint]
+    measures = {
+        "hand_angle": hand_angle(rotation, snapshot.tool_rotation_w[:, 0], goal.grasp_rotations),
+        "handle_distance": 0.5 * (distance[:, 0] + distance[:, 1]),
+        "depth": depth,
+        "opening_speed": snapshot.object_qvel[goal.row, goal.joint],
+        "opening": (qpos - goal.lower) / (goal.open_qpos - goal.lower),
+        "speed": snapshot.link_speed_m_s[at] / slow_m_s,
+        "finger_gap": xp.maximum(distance[:, 0], distance[:, 1]) / close_m,
+        "angular_speed": snapshot.link_angular_speed_rad_s[at] / slow_rad_s,
+    }
+    return columns([measures[name] for name in MEASURES])
+
+
+def hand_angle(link_w: Array, hand_w: Array, grasps: Array) -> Array:
+    """Return the angle between a hand and the nearest of a handle's grasp poses, over pi: (B,) in [0, 1].
+
+    Args:
+        link_w: (B, 3, 3) rotation of the link that carries the handle.
+        hand_w: (B, 3, 3) rotation of the hand.
+        grasps: (B, G, 3, 3) rotations of the grasp poses.
+    """
+    xp = namespace(hand_w)
+    hand = matmul(xp.matrix_transpose(link_w), hand_w)  # in the link's frame
+    trace = amax(dot(xp.reshape(hand, (-1, 1, 9)), xp.reshape(grasps, (*grasps.shape[:2], 9))))
+    return arccos(clip(0.5 * trace - 0.5, -1.0, 1.0)) / xp.pi
+
+
+def finger_distances(
+    lines_w: Array, origin_w: Array, rotation_w: Array, points: Array, planes: Array
+) -> tuple[Array, Array]:
+    """Return how two fingers lie around a handle.
+
+    Args:
+        lines_w: (B, 2, 2, 3) of each finger a line, from its start to its tip.
+        origin_w: (B, 3) frame of the link that carries the handle.
+        rotation_w: (B, 3, 3) rotation of that frame.
+        points: (B, 3, P) of the handle.
+        planes: (B, F, 4) of the handle's hull.
+
+    Returns:
+        (B, 2) least distance of each finger's line to the handle's points, and (B,) greatest depth of the fingers'
+        mid-line in the handle's hull (positive inside), both in metres.
+    """
+    xp = namespace(lines_w)
+    lines = matmul(lines_w - origin_w[:, None, None], rotation_w[:, None])  # in the link's frame
+    start = lines[:, :, 0, :, None]  # (B, 2, 3, 1)
+    line = lines[:, :, 1, :, None] - start
+    to_points = points[:, None] - start  # (B, 2, 3, P)
+    along = xp.sum(to_points * line, axis=-2) / xp.sum(line * line, axis=-2)  # (B, 2, P)
+    gap = to_points - clip(along, 0.0, 1.0)[:, :, None] * line
+    distance = xp.sqrt(amin(xp.sum(gap * gap, axis=-2)))
+    samples = matmul(xp.asarray(_MIDDLE_WEIGHTS, dtype=lines.dtype), xp.reshape(lines, (-1, 4, 3)))  # (B, 5, 3)
+    return distance, amax(depth_inside(planes, samples))
+
+
+def _link_poses(snapshot: Snapshot) -> tuple[np.ndarray, ...]:
+    """Return positions and orientations of all links, now and one step ago."""
+    poses = (
+        snapshot.link_position_w,
+        snapshot.previous_link_position_w,
+        snapshot.link_quaternion_w,
+        snapshot.previous_link_quaternion_w,
+    )
+    return tuple(map(np.ascontiguousarray, poses))
+
+
+@kernel
+def _motion_kernel(link: Any, poses: Any, step_s: Any, out: Any) -> None:
+    """Fill `out` (2, B) as `target_motion` has it."""
+    for b in range(link.shape[0]):
+        out[0, b], out[1, b] = _speeds(b, link[b], poses, step_s)
+
+
+@inlined_kernel
+def _speeds(b: Any, link: Any, poses: Any, step_s: Any) -> Any:
+    """Return speed and angular speed of a link, as `Snapshot` defines them."""
+    position, before, quaternion, quaternion_before = poses
+    squares, cosine = 0.0, 0.0
+    for i in range(3):
+        moved = position[b, link, i] - before[b, link, i]
+        squares += moved * moved
+    for i in range(4):
+        cosine += quaternion_before[b, link, i] * quaternion[b, link, i]
+    return np.sqrt(squares) / step_s, math.acos(min(abs(cosine), 1.0)) * (2.0 / step_s)
+
+
+@allocating_kernel
+def _measure_kernel(
+    links: Any, poses: Any, step_s: Any, joints: Any, values: Any, hands: Any, handles: Any, scales: Any, out: Any
+) -> None:
+    """Fill `out` (B, M); the arguments as in `measure`."""
+    object_qpos, object_qvel, lower, open_qpos = values
+    link_rotation, finger_line, tool_rotation = hands
+    points, planes, grasps, weights = handles
+    close_m, slow_m_s, slow_rad_s = scales
+    ends, sample, hand = np.empty((4, 3)), np.empty(3), np.empty((3, 3))
+    for b in range(links.shape[0]):
+        link, joint = links[b], joints[b]
+        speed, angular_speed = _speeds(b, link, poses, step_s)
+        rotation = link_rotation[b, link]
+        _into_link(finger_line[b], poses[0][b, link], rotation, ends)
+        first = _segment_distance(ends[0], ends[1], points[b])
+        second = _segment_distance(ends[2], ends[3], points[b])
+        for i in range(3):
+            for j in range(3):
+                hand[i, j] = 0.0
+                for k in range(3):
+                    hand[i, j] += rotation[k, i] * tool_rotation[b, 0, k, j]
+        cosine = 0.5 * _grasp_trace(hand, grasps[b]) - 0.5
+        out[b, 0] = math.acos(min(max(cosine, -1.0), 1.0)) / math.pi
+        out[b, 1] = 0.5 * (first + second)
+        out[b, 2] = _middle_depth(ends, weights, planes[b], sample)
+        out[b, 3] = object_qvel[b, joint]
+        out[b, 4] = (object_qpos[b, joint] - lower[b]) / (open_qpos[b] - lower[b])
+        out[b, 5] = speed / slow_m_s
+        out[b, 6] = max(first, second) / close_m
+        out[b, 7] = angular_speed / slow_rad_s
+
+
+@kernel
+def _into_link(lines: Any, origin: Any, rotation: Any, out: Any) -> None:
+    """Fill `out` (4, 3): start and tip of the first two finger lines, in the link's frame."""
+    for i in range(4):
+        for k in range(3):
+            out[i, k] = 0.0
+            for j in range(3):
+                out[i, k] += (lines[i // 2, i % 2, j] - origin[j]) * rotation[j, k]
+
+
+@kernel
+def _middle_depth(ends: Any, weights: Any, planes: Any, sample: Any) -> Any:
+    """Return the greatest depth of the fingers' mid-line in a hull; `sample` (3,) is overwritten."""
+    depth = -np.inf
+    for i in range(weights.shape[0]):
+        for k in range(3):
+            sample[k] = 0.0
+            for j in range(4):
+                sample[k] += weights[i, j] * ends[j, k]
+        depth = max(depth, -_plane_height(sample, planes))
+    return depth
+
+
+@kernel
+def _grasp_trace(hand: Any, grasps: Any) -> Any:
+    """Return the greatest trace of the rotations between a hand (3, 3) and grasp poses (G, 3, 3)."""
+    most = -np.inf
+    for g in range(grasps.shape[0]):
+        summed = 0.0
+        for i in range(3):
+            for j in range(3):
+                summed += hand[i, j] * grasps[g, i, j]
+        most = max(most, summed)
+    return most
+
+
+@kernel
+def _segment_distance(start: Any, end: Any, points: Any) -> Any:
+    """Return the least distance of a segment to points (3, P)."""
+    line_x, line_y, line_z = end[0] - start[0], end[1] - start[1], end[2] - start[2]
+    length_squared = line_x * line_x + line_y * line_y + line_z * line_z
+    best = np.inf
+    for p in range(points.shape[1]):
+        x, y, z = points[0, p] - start[0], points[1, p] - start[1], points[2, p] - start[2]
+        along = min(max((x * line_x + y * line_y + z * line_z) / length_squared, 0.0), 1.0)
+        x, y, z = x - along * line_x, y - along * line_y, z - along * line_z
+        best = min(best, x * x + y * y + z * z)
+    return np.sqrt(best)
+
+
+@kernel
+def _plane_height(point: Any, planes: Any) -> Any:
+    """Return the greatest height of a point over planes (F, 4): negative inside the hull that they bound."""
+    highest = -np.inf
+    for i in range(planes.shape[0]):
+        height = planes[i, 3]
+        for k in range(3):
+            height += planes[i, k] * point[k]
+        highest = max(highest, height)
+    return highest
+
+
+def load_kernels() -> None:
+    """Compile the kernels, or read them from the disk's cache, now: no reset or step has to wait later."""
+    first, ones, place, turn = np.zeros(1, np.int64), np.ones(1), np.ones((1, 1, 3)), np.ones((1, 1, 4))
+    poses, rotation, one = (place, place, turn, turn), np.ones((1, 1, 3, 3)), np.ones((1, 1))
+    _motion_kernel(first, poses, 1.0, np.empty((2, 1)))
+    hands = rotation, np.ones((1, 2, 2, 3)), rotation
+    handles = np.ones((1, 3, 1)), turn, rotation, _MIDDLE_WEIGHTS
+    measured = np.empty((1, len(MEASURES)))
+    _measure_kernel(first, poses, 1.0, first, (one, one, ones, ones), hands, handles, (1.0, 1.0, 1.0), measured)
