@@ -203,7 +203,7 @@ class Episodes:
         self, is_dense: bool, resting: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return rewards, terminations and truncations of a step, (B,) each; 0 and False where episodes rest."""
-        success = np.asarray(self.counted.all(axis=1))
+        success: np.ndarray = np.logical_and.reduce(self.counted, axis=1)
         rewards = self._dense_rewards() if is_dense else success.astype(np.float64)
         terminated = success if self.end_at_success else np.zeros_like(success)
         truncated = (self.elapsed >= self.task.episode_steps) & ~terminated
