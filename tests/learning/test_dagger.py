@@ -27,7 +27,7 @@ from artiskill.learning.network_config import load_network_config
 from artiskill.learning.networks import make_network
 from artiskill.learning.observation import ObservationArrays
 from artiskill.learning.policy import RunPolicy, export_policy
-from artiskill.learning.rollouts import ROUNDS, shared_out
+from artiskill.learning.rollouts import ROUNDS, Collector, Rollouts, shared_out
 from artiskill.learning.run import LATEST
 from artiskill.learning.train import RolloutData, train
 from artiskill.learning.train_config import algorithm_config, load_train_config
@@ -305,6 +305,20 @@ def test_the_same_bits_in_any_number_of_processes_and_after_a_crash(
     ours, theirs = weights(tiny_run(run, workers)), weights(whole)
     for name, value in theirs.items():
         assert torch.equal(ours[name], value), name
+
+
+@pytest.mark.parametrize(("share", "kinds"), [(0.0, {"c"}), (0.5, {"c", "g"}), (1.0, {"g"})])
+def test_how_often_generated_objects_are_drawn(share: float, kinds: set[str], tmp_path: Path) -> None:
+    more = {"algorithm.objects": ["cabinet-0002", "generated:cabinet:0..9"], "algorithm.generated_share": share}
+    config = load_train_config("dagger", TASK, overrides=TINY | more)
+    collector = Collector(config, Rollouts(config, tmp_path).info(config, {}))
+    drawn = []
+    for _ in range(8):
+        collector._begin(np.ones(2, dtype=bool))
+        drawn += collector._env.get_attr("object")
+    assert {name[0] for name in drawn} == kinds
+    if share == 0.5:
+        assert 3 <= sum(name == "cabinet-0002" for name in drawn) <= 13, "of 16"
 
 
 def test_a_round_that_is_lost_is_missed(whole: Path, tmp_path: Path) -> None:

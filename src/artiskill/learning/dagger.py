@@ -16,6 +16,7 @@ class DAggerConfig(CommandLearnerConfig):
     """Values of DAgger: of learning commands, and here of the rollouts."""
 
     objects: tuple[str, ...]  # as `resolve_objects` takes them, never of a split that is measured
+    generated_share: float | None  # of the episodes, on the generated ones; None: all objects are equally likely
     expert: dict[str, Any]  # values of the expert that differ from its own
     points: int  # of a cloud
     shares: tuple[int, ...]  # how these are shared out among the masks, and the points in none
@@ -31,6 +32,8 @@ class DAggerConfig(CommandLearnerConfig):
         check_positive(self, "points", "rounds", "expert_rounds")
         check_positive(self, "collectors", "envs", "rollout_steps")
         check_inside("whole_share", self.whole_share, (0, 1))
+        if self.generated_share is not None:
+            check_inside("generated_share", self.generated_share, (0, 1))
         check_value(self, "objects", len(self.objects) > 0, "needs objects")
         are_shares = len(self.shares) > 0 and min(self.shares) >= 0 and sum(self.shares) > 0
         check_value(self, "shares", are_shares, "needs numbers of at least 0, and one above")

@@ -19,6 +19,7 @@ import numpy as np
 import torch
 
 from artiskill.assets.catalog import object_id_of, resolve_objects
+from artiskill.assets.names import GENERATED
 from artiskill.config import from_mapping, to_mapping
 from artiskill.demos.demonstrator import FAULTS
 from artiskill.envs.control import JOINT
@@ -315,6 +316,8 @@ class Collector:
         self._expert = commanding_expert(self._task, self._values.expert)
         self._half_range = self._expert.controller.whole_body.scale.half_range
         self._pushes = load_variation(config.task).disturbance
+        made = [name for name in info.objects if name.startswith(GENERATED)]
+        self._kinds = [name for name in info.objects if name not in made], made
         self._rng = np.random.default_rng()
         self._policy: Any = None
         self._episodes: list[_Episode] = []
@@ -353,8 +356,15 @@ class Collector:
         """Begin episodes in some environments, (B,) bool."""
         self._episodes = [self._episode() if mask[env] else self._episodes[env] for env in range(len(mask))]
         self._elapsed[mask] = 0
-        levels = self._rng.integers(*_LEVELS, size=len(mask)).tolist()
-        self._seen, _ = self._env.reset(options={"level": levels, "reset_mask": mask})
+        options = {"level": self._rng.integers(*_LEVELS, size=len(mask)).tolist(), "reset_mask": mask}
+        if self._values.generated_share is not None and all(self._kinds):
+            options["object"] = [self._drawn(self._values.generated_share) for _ in mask]
+        self._seen, _ = self._env.reset(options=options)
+
+    def _drawn(self, generated_share: float) -> str:
+        """Return an object of the catalogue, or a generated one."""
+        names = self._kinds[int(self._rng.random() < generated_share)]
+        return names[self._rng.integers(len(names))]
 
     def _episode(self) -> _Episode:
         values, steps, is_whole = self._values, 0, False
