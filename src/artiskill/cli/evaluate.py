@@ -44,6 +44,11 @@ _VERIFY_EPILOG = """examples:
   artiskill report verify results/mine --policy my/solution.py --sample 2
 
 The exit status is 1 if anything is not as the report says. docs/evaluation.md says what this proves."""
+_FAILURES_EPILOG = """examples:
+  artiskill report failures results/mine
+  artiskill report failures results/mine --out failures.csv
+
+Failed episodes are played again from their actions. Stages are those of the task's reward, docs/tasks."""
 _PAGE_EPILOG = """examples:
   artiskill report page results/mine
   artiskill report page results/mine --verify --out mine.html
@@ -86,6 +91,10 @@ def add_commands(commands: Any) -> None:
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="of the report")
     parser.add_argument("--policy", help="also have the policy play some objects again, and compare its actions")
     parser.add_argument("--sample", type=int, default=1, help="how many objects (default: %(default)s)")
+    _add_given_objects(parser)
+    parser = add_command(subcommands, "failures", _run_failures, "say how episodes failed", _FAILURES_EPILOG)
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="of the report")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="also write a line for each of them as CSV")
     _add_given_objects(parser)
     _add_pages(subcommands)
     parser = add_command(subcommands, "compare", _run_compare, "compare two reports", _COMPARE_EPILOG)
@@ -400,6 +409,21 @@ def _run_leaderboard(arguments: argparse.Namespace) -> None:
 
 def _verdict(faults: tuple[str, ...]) -> str:
     return f"{len(faults)} difference{'s' * (len(faults) > 1)}" if faults else "bit for bit as reported"
+
+
+def _run_failures(arguments: argparse.Namespace) -> None:
+    from artiskill.cli.progress import ProgressBar
+    from artiskill.cli.table import print_failures
+    from artiskill.evaluation.failures import find_failures, write_failures
+    from artiskill.evaluation.verify import read_report
+
+    report = read_report(arguments.folder).report
+    with ProgressBar("playing again", report.episodes - report.successes, "episodes") as progress:
+        objects = arguments.objects
+        found = find_failures(arguments.folder, workers_of(arguments), lambda _: progress.advance(), objects)
+    print_failures(found)
+    if arguments.out is not None:
+        write_failures(found, arguments.out)
 
 
 def _run_compare(arguments: argparse.Namespace) -> None:

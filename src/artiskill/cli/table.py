@@ -9,9 +9,12 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from artiskill.evaluation.failures import Failures
     from artiskill.evaluation.report import Report
     from artiskill.evaluation.statistics import Comparison
     from artiskill.evaluation.verify import StoredReport
+
+_MOST_OBJECTS = 3  # that are named
 
 
 def make_console(piped_width: int = 120) -> "Console":
@@ -64,6 +67,23 @@ def print_report(report: "Report") -> None:
     console.print(f"protocol {escape(report.protocol.id)}{track}", soft_wrap=True)
     if report.confinement is not None:
         console.print(report.confinement.text, soft_wrap=True)
+
+
+def print_failures(found: "Failures") -> None:
+    """Print how the failed episodes of a report failed to standard output, the commonest kind first."""
+    console = make_console()
+    if found.episodes:
+        table = make_table([], ["episodes", "share"])
+        for name in ("got as far as", "ended in", "lacked at the end", "objects"):
+            table.add_column(name)
+        for kind, objects in found.by_kind():
+            most = [f"{name} {count}" for name, count in objects.most_common(_MOST_OBJECTS)]
+            more = [f"{len(objects) - len(most)} more"] if len(objects) > len(most) else []
+            count, lacked = objects.total(), kind.fault or "\n".join(kind.missing)
+            share = f"{count / len(found.episodes):.0%}"
+            table.add_row(str(count), share, kind.furthest, kind.final, lacked, "\n".join(most + more))
+        console.print(table)
+    console.print(f"{found.task}: {len(found.episodes)} of {found.played} episodes failed", soft_wrap=True)
 
 
 def print_comparison(first: "StoredReport", second: "StoredReport", found: "Comparison") -> None:

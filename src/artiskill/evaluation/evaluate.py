@@ -12,14 +12,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from artiskill.demos.demonstrator import FAULTS, fault_kind, fault_text
-from artiskill.demos.recording import digest_of
-from artiskill.envs.control import Control
-from artiskill.envs.core import Episodes
+from artiskill.demos.demonstrator import FAULTS, fault_text
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
-from artiskill.envs.sampling import EpisodeSampler
-from artiskill.envs.state import EnvState, save_episode
-from artiskill.errors import ConfigError, DivergedError
+from artiskill.errors import ConfigError
+from artiskill.evaluation.action_replay import final_digest
 from artiskill.evaluation.plan import WORKER_HINT, EpisodeBatch, EvaluationPlan, plan_evaluation
 from artiskill.evaluation.policies import (
     LOAD_TIMEOUT_S,
@@ -38,7 +34,6 @@ from artiskill.geometry.arrays import clip
 from artiskill.jobs.fork_server import fork_server
 from artiskill.jobs.parallel import check_workers, run_jobs
 from artiskill.jobs.worker import Send
-from artiskill.tasks.registry import make_task
 
 if TYPE_CHECKING:  # torch takes seconds to import
     from artiskill.learning.run import RunInfo
@@ -46,8 +41,6 @@ if TYPE_CHECKING:  # torch takes seconds to import
     from artiskill.learning.train_config import TrainConfig
     from artiskill.learning.trainer import Develop
 
-# what may end an episode besides the physics: a policy of this package that fails at its arithmetic
-_POLICY_FAULTS = ("ArithmeticError", "FloatingPointError", "OverflowError", "ZeroDivisionError", "LinAlgError")
 OnStep = Callable[[ManipulationEnv, int, bool], None]
 Result = TypeVar("Result")
 
@@ -279,11 +272,6 @@ def _outcome(
     )
 
 
-def final_digest(state: EnvState) -> str:
-    """Return the digest of an episode's last state, as reports have it: it depends on every action before."""
-    return f"{digest_of(state.simulation):016x}"
-
-
 def run_batch(job: BatchJob, send: Send) -> list[EpisodeResult]:
     """Play a batch in a new environment with a new policy, so that no object's episodes depend on another's."""
     env, results = job.batch.make_env(), []
@@ -304,109 +292,6 @@ def _warm_up(batch: EpisodeBatch) -> None:
     env = batch.make_env()
     env.reset(options={"level": batch.levels[0]})
     env.step(np.zeros(env.action_space.shape or (), np.float32))
-
-
-@dataclass(frozen=True, eq=False)
-class ReplayJob:
-    """Episodes that are to be played by their actions.
-
-    Attributes:
-        batch: of episodes; nobody asks for its policy.
-        actions: (T, A) of each of its levels.
-        faults: what ended each of them, as a report says.
-    """
-
-    batch: EpisodeBatch
-    actions: tuple[np.ndarray, ...]
-    faults: tuple[str, ...]
-
-
-def replay(job: ReplayJob, send: Send) -> tuple[list[EpisodeResult], list[str]]:
-    """Play all episodes of a job side by side, bit for bit as `run_episode` does one, without observations.
-
-    Returns:
-        Their outcomes, and a text for each whose actions go on when it is over.
-    """
-    player = _Replay(job, send)
-    while not player.over.all():
-        player.step()
-    return [player.results[env] for env in range(len(job.actions))], player.notes
-
-
-class _Replay:
-    """Episodes on one object that are played by their actions; those that are over rest."""
-
-    def __init__(self, job: ReplayJob, send: Send) -> None:
-        batch, count = job.batch, len(job.actions)
-        task = make_task(batch.task, batch.overrides)
-        control = Control(task.robot, batch.control_mode)
-        self._episodes = Episodes(task, control, [EpisodeSampler(task, [batch.object], batch.target)] * count, 1)
-        self._job, self._send, self._steps = job, send, 0
-        self._reward_sums = [0.0] * count
-        self.over = np.zeros(count, dtype=bool)
-        self.results: dict[int, EpisodeResult] = {}
-        self.notes: list[str] = []
-        nothing = [None] * count
-        self._episodes.start(range(count), batch.levels, nothing, nothing)
-
-    def step(self) -> None:
-        """Take one step in all episodes that are not over."""
-        episodes, rows = self._episodes, np.zeros((len(self.over), self._episodes.control.size))
-        for env in np.flatnonzero(~self.over).tolist():
-            if self._steps == len(self._job.actions[env]):
-                self._end_without_action(env)
-            else:
-                rows[env] = self._job.actions[env][self._steps]
-        if self.over.all():
-            return
-        resting = self.over.copy()
-        diverged = episodes.step(rows, resting if resting.any() else None)
-        for env, cause in diverged.items():
-            self._finish(env, fault_text(DivergedError({0: cause})), self._steps + 1)
-            episodes.start([env], [self._job.batch.levels[env]], [None], [None])  # numbers that can be looked at
-        episodes.evaluate()
-        episodes.advance(~resting)
-        rewards, terminated, truncated = episodes.outcome(True, resting if resting.any() else None)
-        self._steps += 1
-        for env in np.flatnonzero(~self.over).tolist():
-            self._reward_sums[env] += float(rewards[env])
-            if terminated[env] or truncated[env]:
-                self._finish(env, "", self._steps)
-
-    def _end_without_action(self, env: int) -> None:
-        """End an episode that has no more actions, which is in order if its policy failed there."""
-        fault = self._job.faults[env]
-        if fault_kind(fault) not in _POLICY_FAULTS:
-            fault = "the actions end before the episode does"
-        self._finish(env, fault, self._steps)
-
-    def _finish(self, env: int, fault: str, used: int) -> None:
-        """Keep the outcome of an episode.
-
-        Args:
-            env: which.
-            fault: what ended it, if anything did.
-            used: actions that were played.
-        """
-        episodes, actions = self._episodes, self._job.actions[env]
-        names, counted = episodes.task.flag_names, episodes.counted[env].tolist()
-        result = EpisodeResult(
-            object=episodes.objects[env],
-            target=episodes.targets[env],
-            level=int(episodes.levels[env]),
-            success=all(counted) and not fault,
-            length=self._steps,
-            flags=dict.fromkeys(names, False) if fault else dict(zip(names, counted, strict=True)),
-            fault=fault,
-            reward_sum=self._reward_sums[env],
-            digest="" if fault else final_digest(save_episode(episodes, env)),
-            actions=actions,
-        )
-        if used != len(actions):
-            where = f"{result.object}, target {result.target}, level {result.level}"
-            self.notes.append(f"{where}: the episode ends after {used} of {len(actions)} actions")
-        self.over[env], self.results[env] = True, result
-        self._send(result)
 
 
 def make_develop(config: "TrainConfig", objects: Sequence[str], workers: int, info: "RunInfo") -> "Develop":

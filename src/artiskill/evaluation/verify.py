@@ -20,7 +20,8 @@ from artiskill.assets.catalog import checked_hash, load_object
 from artiskill.config import check, check_positive, differing, from_mapping
 from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ArtiSkillError, ConfigError, check_name, shown
-from artiskill.evaluation.evaluate import ReplayJob, prepare_workers, replay, run_evaluation
+from artiskill.evaluation.action_replay import ReplayJob, replay
+from artiskill.evaluation.evaluate import prepare_workers, run_evaluation
 from artiskill.evaluation.plan import EpisodeBatch, EvaluationPlan, inspect_policy, name_batches
 from artiskill.evaluation.policies import policy_digest, policy_of_task
 from artiskill.evaluation.protocols import ANY_TARGET, PRIVILEGED, TRACKS

@@ -12,7 +12,7 @@ from artiskill.demos.demonstrator import FAULTS, fault_text
 from artiskill.demos.recording import digest_of
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError, DemoError
-from artiskill.evaluation.evaluate import final_digest
+from artiskill.evaluation.action_replay import final_digest
 from artiskill.evaluation.statistics import EpisodeResult
 from artiskill.viewer.playback import NOT_SOLVED, SOLVED, Moment, Timeline, moment_of
 
