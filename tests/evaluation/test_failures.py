@@ -6,14 +6,26 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from artiskill.cli.main import main
+from artiskill.envs.core import Episodes
 from artiskill.envs.manipulation import ManipulationEnv
-from artiskill.errors import ConfigError
-from artiskill.evaluation.evaluate import evaluate
+from artiskill.errors import Cause, ConfigError
+from artiskill.evaluation.evaluate import evaluate, run_episode
 from artiskill.evaluation.failures import Failures, find_failures, stage_bonus
-from artiskill.evaluation.report import ACTIONS_FILE, EPISODES_CSV, Report, unpack_actions, write_report
+from artiskill.evaluation.plan import plan_evaluation
+from artiskill.evaluation.policies import StillActor
+from artiskill.evaluation.report import (
+    ACTIONS_FILE,
+    EPISODES_CSV,
+    Report,
+    make_report,
+    pack_actions,
+    unpack_actions,
+    write_report,
+)
 from artiskill.tasks.registry import make_task
 
 TASK, OBJECTS = "OpenCabinetDrawer", ["cabinet-0002", "cabinet-0003"]
@@ -59,6 +71,38 @@ def test_stages_are_those_that_were_passed_through(report: Report, folder: Path,
     assert len({one.kind.furthest for one in found.episodes}) > 1, "several kinds were looked at"
 
 
+@pytest.mark.parametrize("steps", [0, 2])
+def test_a_policys_own_fault_is_a_kind(steps: int, tmp_path: Path) -> None:
+    class Shaky(StillActor):
+        def act(self, env: ManipulationEnv, observation: Any) -> np.ndarray:
+            if env.save_state().elapsed == steps:
+                raise np.linalg.LinAlgError("SVD did not converge")
+            return super().act(env, observation)
+
+    plan = plan_evaluation(TASK, "still", OBJECTS[:1], 2, config=CUT)
+    env = plan.batches[0].make_env()
+    results = [run_episode(env, Shaky(), level) for level in (0, 1)]
+    found = find_failures(write_report(make_report(plan, [results], 1.0, 1), tmp_path))
+    assert [(one.kind.furthest, one.kind.fault) for one in found.episodes] == [("approach", "LinAlgError")] * 2
+
+
+def test_physics_that_run_away_leave_an_episode_where_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They begin anew from where nothing has been done yet: that is not where the episode ended."""
+    step = Episodes.step
+
+    def run_away(episodes: Episodes, *values: Any) -> dict[int, Cause]:
+        diverged = step(episodes, *values)
+        return diverged if episodes.elapsed[0] < 55 else {0: (OBJECTS[0], ("BADQACC",))}
+
+    monkeypatch.setattr(Episodes, "step", run_away)
+    report = evaluate(TASK, "expert", OBJECTS[:1], 1, config=CUT)
+    kind = find_failures(write_report(report, tmp_path)).episodes[0].kind
+    assert kind.fault == "DivergedError"
+    assert kind.final == kind.furthest != "approach"
+
+
 def test_kinds_are_counted(found: Failures) -> None:
     counts = [objects.total() for _, objects in found.by_kind()]
     assert counts == sorted(counts, reverse=True)
@@ -80,6 +124,20 @@ def test_a_report_that_differs_is_refused(report: Report, folder: Path, tmp_path
         find_failures(forged)
 
 
+def test_damaged_actions_are_refused(folder: Path, tmp_path: Path) -> None:
+    damaged = Path(shutil.copytree(folder, tmp_path / "damaged"))
+    (damaged / ACTIONS_FILE).write_bytes(b"nothing")
+    with pytest.raises(ConfigError, match=r"actions.npz': it is damaged"):
+        find_failures(damaged)
+    stored = unpack_actions((folder / ACTIONS_FILE).read_bytes())
+    (damaged / ACTIONS_FILE).write_bytes(pack_actions(stored[:-1]))
+    with pytest.raises(ConfigError, match=r"actions.npz': it has 7 episodes, episodes.csv 8"):
+        find_failures(damaged)
+    (damaged / ACTIONS_FILE).write_bytes(pack_actions([-actions for actions in stored]))
+    with pytest.raises(ConfigError, match="these are not the actions of the report"):
+        find_failures(damaged)
+
+
 def test_a_reward_without_stages_has_no_kinds() -> None:
     task: Any = SimpleNamespace(config=SimpleNamespace(name="Mine"))
     with pytest.raises(ConfigError, match=r"^the reward of Mine has no stages"):
@@ -98,3 +156,5 @@ def test_the_command_prints_and_writes(folder: Path, tmp_path: Path, capsys: pyt
         (one.object, one.level, one.kind.furthest) for one in found.episodes
     ]
     assert all(row["missing"] for row in rows)
+    assert main(["report", "failures", str(folder), "--out", str(out / "below.csv")]) == 2
+    assert "failures.csv" in capsys.readouterr().err

@@ -239,6 +239,9 @@ def test_what_is_refused() -> None:
     config = load_train_config("dagger", TASK, overrides={"algorithm.objects": ["test"]})
     with pytest.raises(ConfigError, match="is of 'test'"):
         RolloutData().open(config, Path("nowhere"))
+    more = {"algorithm.objects": ["train"], "algorithm.generated_share": 0.5}
+    with pytest.raises(ConfigError, match="generated_share is for generated objects beside others"):
+        RolloutData().open(load_train_config("dagger", TASK, overrides=more), Path("nowhere"))
     config = load_train_config("dagger", TASK, overrides={"algorithm.shares": [1, 1]})
     with pytest.raises(ConfigError, match="needs 4 numbers"):
         RolloutData().open(config, Path("nowhere"))
@@ -312,6 +315,7 @@ def test_how_often_generated_objects_are_drawn(share: float, kinds: set[str], tm
     more = {"algorithm.objects": ["cabinet-0002", "generated:cabinet:0..9"], "algorithm.generated_share": share}
     config = load_train_config("dagger", TASK, overrides=TINY | more)
     collector = Collector(config, Rollouts(config, tmp_path).info(config, {}))
+    collector._rng = np.random.default_rng(0)
     drawn = []
     for _ in range(8):
         collector._begin(np.ones(2, dtype=bool))

@@ -109,25 +109,34 @@ def at_handle(snapshot: Snapshot, goal: CabinetGoal) -> tuple[np.ndarray, np.nda
     return distance, depth, hand_angle(rotation, hand, goal.grasp_rotations)
 
 
-def test_kernels_measure_what_the_array_code_defines(moving: tuple[Snapshot, CabinetGoal]) -> None:
-    (snapshot, goal), rng = moving, np.random.default_rng(0)
+def shaken(snapshot: Snapshot) -> Snapshot:
+    """The same instant with every link on the move."""
+    rng = np.random.default_rng(0)
+    moved = {
+        "object_qvel": snapshot.object_qvel,
+        "previous_link_position_w": snapshot.link_position_w,
+        "previous_link_quaternion_w": snapshot.link_quaternion_w,
+    }
+    return dataclasses.replace(snapshot, **{k: v + rng.normal(0.0, 0.01, v.shape) for k, v in moved.items()})
 
-    def shaken(values: np.ndarray) -> np.ndarray:
-        return values + rng.normal(0.0, 0.01, values.shape)
 
-    snapshot = dataclasses.replace(
-        snapshot,
-        object_qvel=shaken(snapshot.object_qvel),
-        previous_link_position_w=shaken(snapshot.link_position_w),
-        previous_link_quaternion_w=shaken(snapshot.link_quaternion_w),
-    )
+def test_kernels_measure_what_the_array_code_defines(
+    moving: tuple[Snapshot, CabinetGoal], cabinet: ArticulatedObject
+) -> None:
     limits = 0.015, 0.1, 1.0
-    kernels, arrays = measure(snapshot, goal, *limits), measure_by_arrays(snapshot, goal, *limits)
-    assert kernels.shape == (3, len(MEASURES))
-    assert (np.ptp(arrays, axis=0) > 0).all(), "every measure is tried with different values"
-    np.testing.assert_allclose(kernels, arrays, rtol=1e-12, atol=1e-14)
-    exact = [MEASURES.index(name) for name in ("opening_speed", "opening", "speed", "angular_speed")]
-    np.testing.assert_array_equal(kernels[:, exact], arrays[:, exact])
+    held, gripped = gripping(cabinet, "link_3")
+    for snapshot, goal in ((shaken(moving[0]), moving[1]), (shaken(held), gripped)):
+        kernels, arrays = measure(snapshot, goal, *limits), measure_by_arrays(snapshot, goal, *limits)
+        assert kernels.shape == (len(goal.link), len(MEASURES))
+        np.testing.assert_allclose(kernels, arrays, rtol=1e-12, atol=1e-14)
+        exact = [MEASURES.index(name) for name in ("opening_speed", "opening", "speed", "angular_speed")]
+        np.testing.assert_array_equal(kernels[:, exact], arrays[:, exact])
+        if len(goal.link) > 1:
+            assert (np.ptp(arrays, axis=0) > 0).all(), "every measure is tried with different values"
+        else:
+            assert kernels[0, MEASURES.index("depth")] > 0, "the hand is at the handle"
+    with pytest.raises(ValueError, match="a goal of 1 environments for a snapshot of 3"):
+        measure(moving[0], gripped, *limits)
 
 
 def test_distance_is_that_of_segments_to_points(

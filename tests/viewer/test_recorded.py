@@ -15,7 +15,7 @@ from artiskill.evaluation.evaluate import evaluate
 from artiskill.evaluation.policies import ExpertActor
 from artiskill.evaluation.report import ACTIONS_FILE, unpack_actions, write_report
 from artiskill.evaluation.statistics import EpisodeResult
-from artiskill.evaluation.verify import read_report
+from artiskill.evaluation.stored_report import read_report
 from artiskill.viewer.pickers import ReportPicker
 from artiskill.viewer.playback import SOLVED
 from artiskill.viewer.recorded import RecordedEpisode, ReportedEpisode, recorded_episode

@@ -352,21 +352,23 @@ def _run_verify(arguments: argparse.Namespace) -> int:
     import numpy as np
 
     from artiskill.cli.progress import ProgressBar
-    from artiskill.evaluation.verify import read_report, verify_policy, verify_report
+    from artiskill.evaluation.stored_report import read_report
+    from artiskill.evaluation.verify import verify_policy, verify_report
 
     folder, workers = arguments.folder, workers_of(arguments)
     with ProgressBar("playing again", read_report(folder).report.episodes, "episodes") as progress:
         found = verify_report(folder, workers, lambda result: progress.advance(result.success), arguments.objects)
     faults = found.faults
-    print(f"{found.episodes} episodes, {found.steps} steps played again: {_verdict(faults)}")
+    print(f"{found.episodes} episodes, {found.steps} steps played again: {_verdict(faults)}", *faults, sep="\n  ")
     if arguments.policy is not None:
         generator = np.random.default_rng()  # nobody shall know which
         sample = arguments.sample
         again = verify_policy(folder, arguments.policy, sample, generator, workers, arguments.objects)
-        print(f"{again.episodes} episodes played again by {arguments.policy}: {_verdict(again.faults)}")
+        verdict = _verdict(again.faults)
+        print(
+            f"{again.episodes} episodes played again by {arguments.policy}: {verdict}", *again.faults, sep="\n  "
+        )
         faults += again.faults
-    for fault in faults:
-        print(f"  {fault}")
     return EXIT_FAULTS if faults else 0
 
 
@@ -415,15 +417,18 @@ def _run_failures(arguments: argparse.Namespace) -> None:
     from artiskill.cli.progress import ProgressBar
     from artiskill.cli.table import print_failures
     from artiskill.evaluation.failures import find_failures, write_failures
-    from artiskill.evaluation.verify import read_report
+    from artiskill.evaluation.stored_report import read_report
+    from artiskill.files import check_output_folder, output_path
 
-    report = read_report(arguments.folder).report
+    report, out = read_report(arguments.folder).report, arguments.out
+    if out is not None:
+        check_output_folder(output_path(out).parent)
     with ProgressBar("playing again", report.episodes - report.successes, "episodes") as progress:
         objects = arguments.objects
         found = find_failures(arguments.folder, workers_of(arguments), lambda _: progress.advance(), objects)
     print_failures(found)
-    if arguments.out is not None:
-        write_failures(found, arguments.out)
+    if out is not None:
+        write_failures(found, out)
 
 
 def _run_compare(arguments: argparse.Namespace) -> None:

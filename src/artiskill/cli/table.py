@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from artiskill.evaluation.failures import Failures
     from artiskill.evaluation.report import Report
     from artiskill.evaluation.statistics import Comparison
-    from artiskill.evaluation.verify import StoredReport
+    from artiskill.evaluation.stored_report import StoredReport
 
 _MOST_OBJECTS = 3  # that are named
 
@@ -71,13 +71,15 @@ def print_report(report: "Report") -> None:
 
 def print_failures(found: "Failures") -> None:
     """Print how the failed episodes of a report failed to standard output, the commonest kind first."""
+    from rich.markup import escape
+
     console = make_console()
     if found.episodes:
         table = make_table([], ["episodes", "share"])
         for name in ("got as far as", "ended in", "lacked at the end", "objects"):
             table.add_column(name)
         for kind, objects in found.by_kind():
-            most = [f"{name} {count}" for name, count in objects.most_common(_MOST_OBJECTS)]
+            most = [escape(f"{name} {count}") for name, count in objects.most_common(_MOST_OBJECTS)]
             more = [f"{len(objects) - len(most)} more"] if len(objects) > len(most) else []
             count, lacked = objects.total(), kind.fault or "\n".join(kind.missing)
             share = f"{count / len(found.episodes):.0%}"

@@ -1,6 +1,7 @@
 """Episodes played again by their actions alone: no policy, no observations, the same bits."""
 
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,13 +12,14 @@ from artiskill.envs.core import Episodes
 from artiskill.envs.sampling import EpisodeSampler
 from artiskill.envs.state import EnvState, save_episode
 from artiskill.errors import DivergedError
-from artiskill.evaluation.plan import EpisodeBatch
+from artiskill.evaluation.plan import EpisodeBatch, EvaluationPlan
 from artiskill.evaluation.statistics import EpisodeResult
 from artiskill.jobs.worker import Send
 from artiskill.tasks.registry import make_task
 
 # what may end an episode besides the physics: a policy of this package that fails at its arithmetic
-POLICY_FAULTS = ("ArithmeticError", "FloatingPointError", "OverflowError", "ZeroDivisionError", "LinAlgError")
+_POLICY_FAULTS = ("ArithmeticError", "FloatingPointError", "OverflowError", "ZeroDivisionError", "LinAlgError")
+_JOB_EPISODES = 25
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +35,29 @@ class ReplayJob:
     batch: EpisodeBatch
     actions: tuple[np.ndarray, ...]
     faults: tuple[str, ...]
+
+
+def replay_jobs(
+    plan: EvaluationPlan, actions: Sequence[np.ndarray], faults: Sequence[str], chosen: Collection[int]
+) -> list[ReplayJob]:
+    """Return jobs that play episodes of a plan again, in their order.
+
+    Args:
+        plan: of the report.
+        actions: of all its episodes, row by row.
+        faults: what ended each of them, as a report says.
+        chosen: which of them are played.
+    """
+    jobs, first = [], 0
+    for batch in plan.batches:
+        places = [first + k for k in range(len(batch.levels)) if first + k in chosen]
+        for start in range(0, len(places), _JOB_EPISODES):
+            part = places[start : start + _JOB_EPISODES]
+            levels = tuple(batch.levels[place - first] for place in part)
+            of_part = tuple(actions[place] for place in part), tuple(faults[place] for place in part)
+            jobs.append(ReplayJob(replace(batch, levels=levels), *of_part))
+        first += len(batch.levels)
+    return jobs
 
 
 def replay(job: ReplayJob, send: Send) -> tuple[list[EpisodeResult], list[str]]:
@@ -101,7 +126,7 @@ class ActionReplay:
     def _end_without_action(self, env: int) -> None:
         """End an episode that has no more actions, which is in order if its policy failed there."""
         fault = self._job.faults[env]
-        if fault_kind(fault) not in POLICY_FAULTS:
+        if fault_kind(fault) not in _POLICY_FAULTS:
             fault = "the actions end before the episode does"
         self._finish(env, fault, self._steps)
 

@@ -7,21 +7,21 @@ import csv
 import io
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.demos.demonstrator import fault_kind
 from artiskill.errors import ConfigError
-from artiskill.evaluation.action_replay import ActionReplay, ReplayJob
-from artiskill.evaluation.evaluate import prepare_workers
-from artiskill.evaluation.report import ACTIONS_FILE, unpack_actions
+from artiskill.evaluation.action_replay import ActionReplay, ReplayJob, replay_jobs
 from artiskill.evaluation.statistics import EpisodeResult
-from artiskill.evaluation.verify import plan_again, read_report
+from artiskill.evaluation.stored_report import read_report
+from artiskill.evaluation.verify import plan_again, play_again
 from artiskill.files import atomic_write
-from artiskill.jobs.parallel import check_workers, run_jobs
+from artiskill.jobs.parallel import check_workers
 from artiskill.jobs.worker import Send
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.staged_reward import STAGE_TERM
@@ -97,26 +97,13 @@ def find_failures(
     """
     check_workers(workers)
     stored = read_report(folder)
-    said = stored.episodes()
-    plan = plan_again(stored.report, objects)
+    said, actions, plan = stored.episodes(), stored.actions(), plan_again(stored.report, objects)
     stage_bonus(plan.task)
-    actions = unpack_actions(stored.files[ACTIONS_FILE])
-    jobs, first = [], 0
-    for batch in plan.batches:
-        failed = [first + k for k in range(len(batch.levels)) if not said[first + k].success]
-        if failed:
-            levels = tuple(batch.levels[k - first] for k in failed)
-            played = tuple(actions[k] for k in failed), tuple(said[k].fault for k in failed)
-            jobs.append(ReplayJob(replace(batch, levels=levels), *played))
-        first += len(batch.levels)
-    if min(workers, len(jobs)) > 1:
-        prepare_workers(replace(plan.batches[0], obs_mode="state", sampling=None))
-    found = [
-        one for part in run_jobs(_play, jobs, workers, on_episode, lambda job: job.batch.label) for one in part
-    ]
-    wanted = [episode for episode in said if not episode.success]
-    for (result, _), episode in zip(found, wanted, strict=True):
-        if (result.digest, result.length) != (episode.digest, episode.length):
+    failed = {place: episode for place, episode in enumerate(said) if not episode.success}
+    jobs = replay_jobs(plan, actions, [episode.fault for episode in said], failed)
+    found = [one for part in play_again(_play, jobs, workers, on_episode) for one in part]
+    for (result, _), episode in zip(found, failed.values(), strict=True):
+        if result != episode:
             where = f"{episode.object}, level {episode.level}"
             raise ConfigError(f"{where} goes otherwise than the report says; `artiskill report verify` says how")
     episodes = tuple(FailedEpisode(one.object, one.target, one.level, kind) for one, kind in found)
@@ -124,7 +111,11 @@ def find_failures(
 
 
 def write_failures(found: Failures, path: Path) -> None:
-    """Write a line for each failed episode as CSV."""
+    """Write a line for each failed episode as CSV.
+
+    Raises:
+        ConfigError: the file cannot be written.
+    """
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(("object", "target", "level", "furthest", "final", "missing", "fault"))
@@ -132,8 +123,12 @@ def write_failures(found: Failures, path: Path) -> None:
         kind = one.kind
         where = one.object, one.target, one.level
         writer.writerow((*where, kind.furthest, kind.final, " ".join(kind.missing), kind.fault))
-    with atomic_write(path) as temporary:
-        temporary.write_text(text.getvalue(), encoding="utf-8")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_write(path) as temporary:
+            temporary.write_text(text.getvalue(), encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"{str(path)!r} cannot be written: {error.strerror}") from error
 
 
 def stage_bonus(task: Task) -> Sequence[float]:
@@ -159,13 +154,16 @@ def _play(job: ReplayJob, send: Send) -> list[tuple[EpisodeResult, FailureKind]]
     while not player.over.all():
         under_way = ~player.over
         player.step()
-        stages = np.searchsorted(bonus, player.episodes.terms[STAGE_TERM], side="right") - 1
-        final[under_way] = stages[under_way]
-        np.maximum(furthest, final, out=furthest)
+        # an episode that a fault ended stays where it was: it took no step, or its physics diverged in it
+        failed = [env for env, result in player.results.items() if result.fault]
+        stepped = np.setdiff1d(np.flatnonzero(under_way), failed)
+        if stepped.size:
+            final[stepped] = np.searchsorted(bonus, player.episodes.terms[STAGE_TERM][stepped], side="right") - 1
+            np.maximum(furthest, final, out=furthest)
     found = []
     for env in range(len(job.actions)):
         result = player.results[env]
         missing = tuple(name for name, counts in result.flags.items() if not counts)
-        fault = result.fault.partition(":")[0]
-        found.append((result, FailureKind(names[furthest[env]], names[final[env]], missing, fault)))
+        kind = FailureKind(names[furthest[env]], names[final[env]], missing, fault_kind(result.fault))
+        found.append((result, kind))
     return found

@@ -17,7 +17,8 @@ from artiskill.evaluation.protocols import PRIVILEGED
 from artiskill.evaluation.report import REPORT_JSON
 from artiskill.evaluation.report_page import PAGE_FILE, read_page_source
 from artiskill.evaluation.statistics import Comparison, EpisodeResult, compare_episodes
-from artiskill.evaluation.verify import StoredReport, verify_report
+from artiskill.evaluation.stored_report import StoredReport
+from artiskill.evaluation.verify import verify_report
 from artiskill.files import atomic_write, check_output_folder, is_folder, output_path
 
 LEADERBOARD_FILE = "leaderboard.html"

@@ -138,7 +138,8 @@ def _one_way_at_first() -> type[Any]:
     """Return the connection that reads nothing before its request is sent.
 
     OpenSSL must not read and write at once, and a server's session tickets come while the request is sent: one of
-    65 connections hung or broke. What follows is asked and answered in turns.
+    65 connections hung or broke. So they are read before the first observation goes out. What a server sends
+    unasked later may still meet a write; that was never seen.
     """
     from websockets.sync.client import ClientConnection
 

@@ -9,8 +9,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.config import check, dump_yaml
 from artiskill.errors import ConfigError
@@ -31,16 +29,9 @@ from artiskill.evaluation.html import (
 from artiskill.evaluation.page_pictures import FILM_SPEED, Film, FilmJob, choose_films, draw_films, draw_objects
 from artiskill.evaluation.plan import EvaluationPlan
 from artiskill.evaluation.protocols import PRIVILEGED
-from artiskill.evaluation.report import ACTIONS_FILE, actions_sha256, join_actions, unpack_actions
 from artiskill.evaluation.statistics import EpisodeResult, EpisodeStatistics
-from artiskill.evaluation.verify import (
-    ReportFolder,
-    StoredReport,
-    VerifyResult,
-    plan_again,
-    read_report,
-    summarize_stored,
-)
+from artiskill.evaluation.stored_report import ReportFolder, StoredReport, read_report, summarize_stored
+from artiskill.evaluation.verify import VerifyResult, plan_again
 from artiskill.files import atomic_write, check_output_folder, output_path
 
 PAGE_FILE = "page.html"
@@ -92,18 +83,7 @@ def read_page_source(
         raise ConfigError(
             f"{str(folder)!r} is not of protocol {report.protocol!r} as it is here: another version, or forged"
         )
-    try:
-        actions = unpack_actions(stored.files[ACTIONS_FILE])
-        check(len(actions) == len(episodes), f"it has {len(actions)} episodes, not {len(episodes)}")
-        is_same = len({one.shape[1] for one in actions}) == 1 and _digest(actions) == report.actions_sha256
-        check(is_same, "these are not the actions of the report")
-    except ValueError as error:
-        raise ConfigError(f"{str(Path(folder) / ACTIONS_FILE)!r}: {error}") from error
-    return PageSource(stored, episodes, plan, choose_films(plan, episodes, actions, films))
-
-
-def _digest(actions: Sequence[np.ndarray]) -> str:
-    return actions_sha256(*join_actions(actions))
+    return PageSource(stored, episodes, plan, choose_films(plan, episodes, stored.actions(), films))
 
 
 def write_report_page(

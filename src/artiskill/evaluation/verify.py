@@ -5,9 +5,6 @@ from actions (who chose them, who says which track, how long it took) is covered
 something was changed, not what is true.
 """
 
-import csv
-import io
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,17 +14,15 @@ import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import checked_hash, load_object
-from artiskill.config import check, check_positive, differing, from_mapping
-from artiskill.envs.wrappers import Sampling
-from artiskill.errors import ArtiSkillError, ConfigError, check_name, shown
-from artiskill.evaluation.action_replay import ReplayJob, replay
-from artiskill.evaluation.evaluate import prepare_workers, run_evaluation
+from artiskill.config import check, differing
+from artiskill.errors import ArtiSkillError, ConfigError, shown
+from artiskill.evaluation.action_replay import ReplayJob, replay, replay_jobs
+from artiskill.evaluation.evaluate import Result, prepare_workers, run_evaluation
 from artiskill.evaluation.plan import EpisodeBatch, EvaluationPlan, inspect_policy, name_batches
 from artiskill.evaluation.policies import policy_digest, policy_of_task
-from artiskill.evaluation.protocols import ANY_TARGET, PRIVILEGED, TRACKS
+from artiskill.evaluation.protocols import ANY_TARGET, TRACKS
 from artiskill.evaluation.report import (
     ACTIONS_FILE,
-    EPISODES_CSV,
     REPORT_FILES,
     REPORT_JSON,
     make_report,
@@ -36,205 +31,21 @@ from artiskill.evaluation.report import (
     timing_of,
     unpack_actions,
 )
-from artiskill.evaluation.sandbox import Confinement, SandboxConfig
+from artiskill.evaluation.sandbox import SandboxConfig
 from artiskill.evaluation.statistics import (
     Comparison,
     EpisodeResult,
-    EpisodeStatistics,
-    Interval,
     compare_episodes,
-    object_interval,
-    summarize,
 )
-from artiskill.files import parse_json, read_bytes
+from artiskill.evaluation.stored_report import ReportFolder, StoredReport, read_report
+from artiskill.files import parse_json
 from artiskill.jobs.parallel import check_workers, run_jobs
-from artiskill.tasks.levels import MAX_LEVEL
+from artiskill.jobs.worker import Send
 from artiskill.tasks.registry import make_task
 from artiskill.versions import versions
 
 _MOST_FAULTS = 20  # that are listed of one file
-_JOB_EPISODES = 25
-_MOST_LEVELS = 1_000_000
 _NAME_KEYS = ("name", "motion")  # of a task's configuration, which no override may hold
-
-
-@dataclass(frozen=True)
-class StoredRow(EpisodeStatistics):
-    """An entry of `objects` in report.json; see `ObjectRow`."""
-
-    object: str
-    target: str
-    content_hash: str
-
-
-@dataclass(frozen=True)
-class StoredLatency:
-    """How long a policy took for its actions, in milliseconds."""
-
-    median: float
-    p95: float
-    max: float
-
-    def __post_init__(self) -> None:
-        check(0 <= self.median <= self.p95 <= self.max < math.inf, "act_ms must rise from median over p95 to max")
-
-
-@dataclass(frozen=True)
-class StoredMachine:
-    """What a report was made on."""
-
-    processor: str | None
-    cores: int
-    system: str
-
-
-@dataclass(frozen=True)
-class StoredTiming:
-    """The entry `timing` of report.json."""
-
-    seconds: float
-    workers: int
-    steps_per_s: float
-    act_ms: StoredLatency | None = None
-    machine: StoredMachine | None = None
-
-    def __post_init__(self) -> None:
-        check_positive(self, "seconds", "workers")
-
-
-@dataclass(frozen=True)
-class StoredReport(EpisodeStatistics):
-    """The content of report.json; see `Report`."""
-
-    task: str
-    policy: str
-    policy_sha256: str | None
-    track: str | None
-    protocol: str
-    protocol_digest: str
-    obs_mode: str
-    control_mode: str
-    sampling: Sampling | None
-    confinement: Confinement | None
-    levels: tuple[int, int] | None
-    salt: str | None
-    interval_over_objects: Interval | None
-    objects: tuple[StoredRow, ...]
-    config: dict[str, Any]
-    versions: dict[str, str]
-    actions_sha256: str
-    timing: StoredTiming
-    sha256: str
-
-    def __post_init__(self) -> None:
-        check((self.levels is None) != (self.salt is None), "a report has either levels or a salt")
-        check_name("track", self.track or PRIVILEGED, (*TRACKS, PRIVILEGED))
-        check(len(self.objects) > 0, "objects must not be empty")
-        first, last = self.levels or (0, self.objects[0].episodes - 1)
-        is_legal = 0 <= first <= last <= MAX_LEVEL and last - first < _MOST_LEVELS
-        check(is_legal, f"levels must be a lower and a higher number, not {first} and {last}")
-
-    @property
-    def counted_levels(self) -> tuple[int, ...]:
-        """The levels of each object; before fresh ones take their places."""
-        if self.levels is None:
-            return tuple(range(self.objects[0].episodes))
-        return tuple(range(self.levels[0], self.levels[1] + 1))
-
-
-@dataclass(frozen=True, eq=False)
-class ReportFolder:
-    """The files of a report, as they are.
-
-    Attributes:
-        path: of the folder.
-        files: name -> content.
-        mapping: the content of report.json as JSON.
-        report: the same, with types checked.
-    """
-
-    path: Path
-    files: dict[str, bytes]
-    mapping: dict[str, Any]
-    report: StoredReport
-
-    @property
-    def rows(self) -> list[dict[str, Any]]:
-        """The lines of episodes.csv, by column."""
-        text = self.files[EPISODES_CSV].decode(errors="replace")
-        return list(csv.DictReader(io.StringIO(text, newline="")))
-
-    def episodes(self) -> list[EpisodeResult]:
-        """Return the episodes of episodes.csv, without their actions.
-
-        Raises:
-            ConfigError: report.json was changed, or says something else about them.
-        """
-        try:
-            found = [_episode_of(row) for row in self.rows]
-            is_same = self._follows_from(found)
-        except (KeyError, TypeError, ValueError, ZeroDivisionError, IndexError):
-            is_same = False
-        if not is_same or self.mapping["sha256"] != mapping_sha256(self.mapping):
-            raise ConfigError(f"{str(self.path)!r} is damaged or forged; `artiskill report verify` says where")
-        return found
-
-    def _follows_from(self, episodes: Sequence[EpisodeResult]) -> bool:
-        """Whether these episodes are all there are, and report.json's numbers theirs."""
-        report, count = self.report, len(self.report.counted_levels)
-        parts = [episodes[start : start + count] for start in range(0, len(episodes), count)]
-        rows = [
-            StoredRow(**vars(summarize(part)), object=row.object, target=row.target, content_hash=row.content_hash)
-            for part, row in zip(parts, report.objects, strict=True)
-            if {episode.object for episode in part} == {row.object}
-        ]
-        return (
-            tuple(rows) == report.objects
-            and summarize(episodes) == summarize_stored(report)
-            and object_interval(episodes) == report.interval_over_objects
-        )
-
-
-def read_report(folder: Path | str) -> ReportFolder:
-    """Read the files of a report.
-
-    Raises:
-        ConfigError: a file is missing, or report.json is not what it should be.
-    """
-    folder, files = Path(folder), {}
-    for name in REPORT_FILES:
-        try:
-            files[name] = read_bytes(folder / name)
-        except OSError as error:
-            raise ConfigError(f"{str(folder)!r} is no whole report: {name}: {error.strerror}") from error
-    try:
-        mapping = parse_json(files[REPORT_JSON])
-    except ValueError as error:
-        raise ConfigError(f"{str(folder / REPORT_JSON)!r} is no JSON: {error}") from error
-    return ReportFolder(folder, files, mapping, from_mapping(StoredReport, mapping, str(folder / REPORT_JSON)))
-
-
-def summarize_stored(report: StoredReport) -> EpisodeStatistics:
-    """Return the statistics over all episodes."""
-    return EpisodeStatistics(**{name: getattr(report, name) for name in EpisodeStatistics.__dataclass_fields__})
-
-
-def _episode_of(row: Mapping[str, str]) -> EpisodeResult:
-    fixed = ("object", "target", "level", "success", "length", "fault", "reward_sum", "digest")
-    return EpisodeResult(
-        object=row["object"],
-        target=row["target"],
-        level=int(row["level"]),
-        success=bool(int(row["success"])),
-        length=int(row["length"]),
-        flags={name: bool(int(value)) for name, value in row.items() if name not in fixed},
-        fault=row["fault"],
-        reward_sum=float(row["reward_sum"]),
-        digest=row["digest"],
-    )
-
-
-# -- verifying ----------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -314,22 +125,26 @@ def _play_again(
     on_episode: Callable[[EpisodeResult], None] | None,
 ) -> tuple[list[list[EpisodeResult]], list[str]]:
     """Return the outcomes of all batches, and what else there is to say."""
-    said = [str(row.get("fault") or "") for row in rows][: len(actions)]
-    said += [""] * (len(actions) - len(said))
-    jobs, first = [], 0
-    for batch in plan.batches:
-        for start in range(0, len(batch.levels), _JOB_EPISODES):
-            part = batch.levels[start : start + _JOB_EPISODES]
-            end = first + len(part)
-            jobs.append(ReplayJob(replace(batch, levels=part), tuple(actions[first:end]), tuple(said[first:end])))
-            first = end
-    if min(workers, len(jobs)) > 1:
-        prepare_workers(replace(plan.batches[0], obs_mode="state", sampling=None))
-    found = run_jobs(replay, jobs, workers, on_episode, lambda job: job.batch.label)
+    faults = [str(row.get("fault") or "") for row in rows][: len(actions)]
+    faults += [""] * (len(actions) - len(faults))
+    jobs = replay_jobs(plan, actions, faults, range(len(actions)))
+    found = play_again(replay, jobs, workers, on_episode)
     results = [result for part, _ in found for result in part]
     count = len(plan.batches[0].levels)
     batches = [results[start : start + count] for start in range(0, len(results), count)]
     return batches, [note for _, notes in found for note in notes]
+
+
+def play_again(
+    play: Callable[[ReplayJob, Send], Result],
+    jobs: Sequence[ReplayJob],
+    workers: int,
+    on_episode: Callable[[EpisodeResult], None] | None,
+) -> list[Result]:
+    """Return what a function returns of jobs that worker processes share; it sends the outcome of each episode."""
+    if min(workers, len(jobs)) > 1:
+        prepare_workers(replace(jobs[0].batch, obs_mode="state", sampling=None))
+    return run_jobs(play, jobs, workers, on_episode, lambda job: job.batch.label)
 
 
 def _changed(stored: ReportFolder) -> Iterator[str]:
@@ -411,7 +226,7 @@ def verify_policy(
     plan, spec = plan_again(stored.report, objects), inspect_policy(policy, stored.report.task)
     if policy_digest(policy) != stored.report.policy_sha256 or spec.sampling != stored.report.sampling:
         return VerifyResult(0, 0, (f"{policy} is not the policy of the report: its sha256 or sampling differs",))
-    actions, per_row = unpack_actions(stored.files[ACTIONS_FILE]), len(plan.batches[0].levels)
+    actions, per_row = stored.actions(), len(plan.batches[0].levels)
     check(
         len(actions) == plan.num_episodes, f"{ACTIONS_FILE} has {len(actions)} episodes, not {plan.num_episodes}"
     )

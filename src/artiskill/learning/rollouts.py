@@ -7,7 +7,7 @@ processes. The rounds' files, in the run's folder, and its checkpoints are all t
 import hashlib
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -19,7 +19,7 @@ import numpy as np
 import torch
 
 from artiskill.assets.catalog import object_id_of, resolve_objects
-from artiskill.assets.names import GENERATED
+from artiskill.assets.names import parse_generated
 from artiskill.config import from_mapping, to_mapping
 from artiskill.demos.demonstrator import FAULTS
 from artiskill.envs.control import JOINT
@@ -94,6 +94,10 @@ class Rollouts:
         found = resolve_objects(list(self.values.objects), task=config.task)
         check_not_measured(found)
         self.objects = [object_id_of(item) for item in found]
+        if self.values.generated_share is not None and not all(kinds_of(self.objects)):
+            raise ConfigError(
+                "algorithm.generated_share is for generated objects beside others; leave it out: null"
+            )
 
     @property
     def text(self) -> str:
@@ -286,6 +290,14 @@ class _Met(NamedTuple):
     is_good: np.ndarray  # (B,) bool, whether the expert knows what to do
 
 
+def kinds_of(objects: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the ids that are not of generated objects, and those that are."""
+    kinds: tuple[list[str], list[str]] = ([], [])
+    for name in objects:
+        kinds[parse_generated(name) is not None].append(name)
+    return kinds
+
+
 class Collector:
     """A vector of environments, an expert, and a policy.
 
@@ -316,8 +328,7 @@ class Collector:
         self._expert = commanding_expert(self._task, self._values.expert)
         self._half_range = self._expert.controller.whole_body.scale.half_range
         self._pushes = load_variation(config.task).disturbance
-        made = [name for name in info.objects if name.startswith(GENERATED)]
-        self._kinds = [name for name in info.objects if name not in made], made
+        self._kinds = kinds_of(info.objects)
         self._rng = np.random.default_rng()
         self._policy: Any = None
         self._episodes: list[_Episode] = []
@@ -357,12 +368,12 @@ class Collector:
         self._episodes = [self._episode() if mask[env] else self._episodes[env] for env in range(len(mask))]
         self._elapsed[mask] = 0
         options = {"level": self._rng.integers(*_LEVELS, size=len(mask)).tolist(), "reset_mask": mask}
-        if self._values.generated_share is not None and all(self._kinds):
+        if self._values.generated_share is not None:
             options["object"] = [self._drawn(self._values.generated_share) for _ in mask]
         self._seen, _ = self._env.reset(options=options)
 
     def _drawn(self, generated_share: float) -> str:
-        """Return an object of the catalogue, or a generated one."""
+        """Return a generated object, or one of the others."""
         names = self._kinds[int(self._rng.random() < generated_share)]
         return names[self._rng.integers(len(names))]
 

@@ -39,6 +39,7 @@ def target_motion(snapshot: Snapshot, goal: Any) -> tuple[Array, Array]:
     if not isinstance(snapshot.object_qpos, np.ndarray):
         at = goal.row, goal.link
         return snapshot.link_speed_m_s[at], snapshot.link_angular_speed_rad_s[at]
+    _check_batch(snapshot, goal)
     motion = np.empty((2, len(goal.link)))
     _motion_kernel(goal.link, _link_poses(snapshot), snapshot.step_s, motion)
     return motion[0], motion[1]
@@ -56,6 +57,7 @@ def measure(snapshot: Snapshot, goal: Any, close_m: float, slow_m_s: float, slow
     """
     if not isinstance(snapshot.object_qpos, np.ndarray):
         return measure_by_arrays(snapshot, goal, close_m, slow_m_s, slow_rad_s)
+    _check_batch(snapshot, goal)
     measured = np.empty((len(goal.link), len(MEASURES)))
     as_one = np.ascontiguousarray  # one memory layout, one compilation
     _measure_kernel(
@@ -73,7 +75,7 @@ def measure(snapshot: Snapshot, goal: Any, close_m: float, slow_m_s: float, slow
 
 
 def measure_by_arrays(snapshot: Snapshot, goal: Any, close_m: float, slow_m_s: float, slow_rad_s: float) -> Array:
-    """Return what `measure` does, for any array library: the kernel's definition."""
+    """Return what `measure` does of finite numbers, for any array library: the kernel's definition."""
     xp, at = namespace(snapshot.object_qpos), (goal.row, goal.link)
     origin, rotation = snapshot.link_position_w[at], snapshot.link_rotation_w[at]
     lines = snapshot.finger_line_w[:, :2]  # of the first arm, as its hand below
@@ -134,6 +136,12 @@ def finger_distances(
     return distance, amax(depth_inside(planes, samples))
 
 
+def _check_batch(snapshot: Snapshot, goal: Any) -> None:
+    """Raise what arrays of different length raise: kernels would read beyond the shorter one."""
+    if len(goal.link) != len(snapshot.object_qpos):
+        raise ValueError(f"a goal of {len(goal.link)} environments for a snapshot of {len(snapshot.object_qpos)}")
+
+
 def _link_poses(snapshot: Snapshot) -> tuple[np.ndarray, ...]:
     """Return positions and orientations of all links, now and one step ago."""
     poses = (
@@ -167,13 +175,25 @@ def _speeds(b: Any, link: Any, poses: Any, step_s: Any) -> Any:
 
 @allocating_kernel
 def _measure_kernel(
-    links: Any, poses: Any, step_s: Any, joints: Any, values: Any, hands: Any, handles: Any, scales: Any, out: Any
+    links: Any, poses: Any, step_s: Any, joints: Any, motions: Any, hands: Any, handles: Any, limits: Any, out: Any
 ) -> None:
-    """Fill `out` (B, M); the arguments as in `measure`."""
-    object_qpos, object_qvel, lower, open_qpos = values
+    """Fill `out` (B, M).
+
+    Args:
+        links: (B,) of the targets.
+        poses: of all links, now and one step ago.
+        step_s: the time between.
+        joints: (B,) of the targets.
+        motions: of all joints value and velocity, of the targets' lower and open value.
+        hands: rotations of all links, the fingers' lines, the hands' rotations.
+        handles: points, planes, grasps, and the weights of the points between the fingers.
+        limits: what counts as close and as still.
+        out: is filled.
+    """
+    object_qpos, object_qvel, lower, open_qpos = motions
     link_rotation, finger_line, tool_rotation = hands
     points, planes, grasps, weights = handles
-    close_m, slow_m_s, slow_rad_s = scales
+    close_m, slow_m_s, slow_rad_s = limits
     ends, sample, hand = np.empty((4, 3)), np.empty(3), np.empty((3, 3))
     for b in range(links.shape[0]):
         link, joint = links[b], joints[b]

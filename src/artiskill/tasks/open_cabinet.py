@@ -79,6 +79,7 @@ TABLE = StageTable(
         ),
     ),
 )
+assert TABLE.measures == MEASURES, "columns of `measure` are those of the table"
 
 
 @dataclass(frozen=True)

@@ -392,7 +392,8 @@ def observe_state(snapshot: Snapshot, max_joints: int, extra_size: int = 0) -> A
             "raise that value in the task's config"
         )
     joints = min(joints, max_joints)  # a layout may have room for more
-    zeros = namespace(snapshot.object_qpos).zeros((snapshot.object_qpos.shape[0], max_joints + extra_size))
+    xp, qpos = namespace(snapshot.object_qpos), snapshot.object_qpos
+    zeros = xp.zeros((qpos.shape[0], max_joints + extra_size), dtype=qpos.dtype, device=qpos.device)
     free = max_joints - joints
     values = (
         snapshot.link_position_w[:, 0],
@@ -409,19 +410,19 @@ def observe_state(snapshot: Snapshot, max_joints: int, extra_size: int = 0) -> A
 
 def observe_robot(snapshot: Snapshot, row: int) -> Array:
     """Return the numbers of `robot_fields` alone, of one environment: (1, D) float32."""
-    return _in_columns([value[row : row + 1] for value in _robot_values(snapshot)])
+    return _in_columns(_robot_values(snapshot, slice(row, row + 1)))
 
 
-def _robot_values(snapshot: Snapshot) -> tuple[Array, ...]:
-    """Return the numbers of `robot_fields`, (B, n) each."""
-    batch, tips = snapshot.fingertip_velocity_w.shape[:2]
+def _robot_values(snapshot: Snapshot, rows: slice = slice(None)) -> tuple[Array, ...]:
+    """Return the numbers of `robot_fields`, (B, n) each, of all environments or of some rows."""
+    qpos, qvel, tips = snapshot.robot_qpos[rows], snapshot.robot_qvel[rows], snapshot.fingertip_velocity_w.shape[1]
     return (
-        snapshot.fingertip_position_w.reshape(batch, 3 * tips),
-        snapshot.fingertip_velocity_w.reshape(batch, 3 * tips),
-        snapshot.robot_qpos[:, :3],
-        snapshot.robot_qvel[:, :3],
-        snapshot.robot_qpos[:, 3:],
-        snapshot.robot_qvel[:, 3:],
+        snapshot.fingertip_position_w[rows].reshape(-1, 3 * tips),
+        snapshot.fingertip_velocity_w[rows].reshape(-1, 3 * tips),
+        qpos[:, :3],
+        qvel[:, :3],
+        qpos[:, 3:],
+        qvel[:, 3:],
     )
 
 

@@ -13,8 +13,8 @@ from artiskill.demos.demos import Demos
 from artiskill.errors import ConfigError
 from artiskill.evaluation.pictures import EpisodeChoice
 from artiskill.evaluation.policies import POLICY_NAMES
-from artiskill.evaluation.report import ACTIONS_FILE, unpack_actions
-from artiskill.evaluation.verify import plan_again, read_report
+from artiskill.evaluation.stored_report import read_report
+from artiskill.evaluation.verify import plan_again
 from artiskill.sensors.pictures.objects import OrbitView, render_object
 from artiskill.tasks.registry import make_task, task_names
 from artiskill.viewer.driving import Do, from_browser
@@ -169,7 +169,7 @@ class ReportPicker(Picker):
         stored = read_report(folder)
         plan = plan_again(stored.report)
         self._policy = stored.report.policy
-        self._results, self._actions = stored.episodes(), unpack_actions(stored.files[ACTIONS_FILE])
+        self._results, self._actions = stored.episodes(), stored.actions()
         per_row = len(plan.batches[0].levels)
         self._batches = [batch for batch in plan.batches for _ in range(per_row)]
         if not len(self._batches) == len(self._results) == len(self._actions):
