@@ -38,7 +38,8 @@ TRACKS = {
     "no-interactions": ("command_bc", "--dev-objects", "none"),
 }
 CSV_HEAD = ["track", "task", "seed", "split", "object", "episodes", "successes"]
-SAMPLES = {"OpenCabinetDoor": ("--samples", "192000")}  # of DAgger, where the default is too few
+SAMPLES = ("OpenCabinetDoor", "PushChair", "MoveBucket")  # whose DAgger takes twice the default
+EVEN = ("PushChair", "MoveBucket")  # which plays training objects as often as generated ones
 PER_OBJECT = 40  # demonstrations of those that learn from them
 POINTS = 128
 
@@ -155,8 +156,10 @@ def train_command(policy: Policy, work: Path) -> list[str]:
     command = ["train", name, "--task", policy.task, "--out", str(policy.folder(work) / "run"), *values]
     if policy.track == "no-interactions":
         command += ["--data", str(work / "sets" / policy.task)]
-    else:
-        command += SAMPLES.get(policy.task, ())
+    elif policy.task in SAMPLES:
+        command += ["--samples", "192000"]
+    if policy.track == "no-restrictions" and policy.task in EVEN:
+        command += ["--set", "algorithm.generated_share=0.5"]
     return [*command, "--seed", str(policy.seed), "--threads", "1", "--workers", "1"]
 
 
