@@ -19,9 +19,9 @@ from artiskill.tasks.registry import task_names
 # what a part is -> the functions whose whole time it is: end of the file's name, function
 PARTS = {
     "engine": (("~", "<built-in method mujoco._batch.step>"),),
-    "snapshot": (("vector/fleet.py", "look"),),
-    "flags and rewards": (("vector/episodes.py", "evaluate"),),
-    "observation": (("vector/observation.py", "observe"),),
+    "snapshot": (("sim/simulation.py", "snapshot"),),
+    "flags and rewards": (("envs/core.py", "evaluate"),),
+    "observation": (("envs/core.py", "observe"),),
 }
 WARM_UP = 5
 
@@ -66,7 +66,7 @@ def main() -> None:
         parser.error("--num-envs must be at least 2: one environment is no vector")
     for task in task_names() if "all" in options.task else options.task:
         stats = profiled(task, options)
-        total = seconds_of(stats, (("vector/env.py", "step"),))
+        total = seconds_of(stats, (("envs/vector_env.py", "step"),))
         parts = {name: seconds_of(stats, functions) for name, functions in PARTS.items()}
         parts["the rest"] = total - sum(parts.values())
         told = ", ".join(f"{name} {spent / total:.1%}" for name, spent in parts.items())
