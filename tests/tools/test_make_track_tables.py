@@ -82,10 +82,19 @@ def test_commands_of_the_tracks() -> None:
     work = Path("w")
     student = Policy("interactive-expert", "PushChair", 2)
     assert " ".join(train_command(student, work)) == (
-        "train dagger --task PushChair --out w/interactive-expert/PushChair/seed-2/run --objects train --seed 2 "
-        "--threads 1 --workers 1"
+        "train dagger --task PushChair --out w/interactive-expert/PushChair/seed-2/run --objects train "
+        "--samples 192000 --seed 2 --threads 1 --workers 1"
     )
-    assert "--samples 192000" in " ".join(train_command(Policy("no-restrictions", "OpenCabinetDoor", 0), work))
+    shares = {}
+    for task in script.TASKS:
+        command = " ".join(train_command(Policy("no-restrictions", task, 0), work))
+        shares[task] = ("--samples 192000" in command, "--set algorithm.generated_share=0.5" in command)
+    assert shares == {
+        "OpenCabinetDrawer": (False, False),
+        "OpenCabinetDoor": (True, False),
+        "PushChair": (True, True),
+        "MoveBucket": (True, True),
+    }
     imitator = Policy("no-interactions", "PushChair", 0)
     assert "--data w/sets/PushChair" in " ".join(train_command(imitator, work))
     assert " ".join(evaluate_command(student, "ood", work)) == (
