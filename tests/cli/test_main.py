@@ -249,6 +249,7 @@ def evaluation(folder: Path, policy: str, workers: int, *arguments: str) -> Iter
         while len(list(folder.glob("acts-*"))) < workers and time.perf_counter() < end:
             time.sleep(0.05)
         assert process.poll() is None
+        assert len(list(folder.glob("acts-*"))) >= workers  # in time
         yield process
     finally:
         with suppress(ProcessLookupError):
