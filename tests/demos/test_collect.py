@@ -28,6 +28,7 @@ from artiskill.demos.verify import verify
 from artiskill.errors import ConfigError, DemoError, PolicyError, UnknownNameError
 from artiskill.files import lock_folder
 from artiskill.jobs.fork_server import fork_server
+from artiskill.tasks.levels import FIRST_DEMONSTRATED
 
 from .conftest import PER_OBJECT, begin, contents
 
@@ -74,7 +75,7 @@ def test_what_is_collected(drawers: Path) -> None:
         assert [wanted for _, wanted, _ in targets] == [2, 1]
         levels = [(trajectory.target, trajectory.level) for trajectory in file]
     first, second = (target for target, _, _ in targets)
-    assert levels == [(first, 0), (first, 2), (second, 1)]
+    assert levels == [(name, FIRST_DEMONSTRATED + k) for name, k in ((first, 0), (first, 2), (second, 1))]
     assert not (drawers / UNFINISHED).exists()
     with pytest.raises(UnknownNameError, match="did you mean 'cabinet-0026'"):
         demos.open("cabinet-26")
@@ -312,7 +313,7 @@ def test_links_may_be_called_anything(plan: MakePlan, tmp_path: Path) -> None:
         mine = renamed(load_object("cabinet-0002"), "link_0", link)
         begin(plan(objects=[mine]), folder, 2)
         staged = sorted(path.relative_to(folder).as_posix() for path in folder.parent.rglob("*.npz"))
-        assert staged == [f"{UNFINISHED}/mine/{level}.npz" for level in (0, 1)]
+        assert staged == [f"{UNFINISHED}/mine/{FIRST_DEMONSTRATED + k}.npz" for k in (0, 1)]
         (entry,) = collect(plan(objects=[mine]), folder).files.values()
         assert [(count.target, count.successes) for count in entry.targets] == [(link, 3)]
 

@@ -15,6 +15,7 @@ from artiskill.demos.recording import simulation_arrays
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.state import EnvState
 from artiskill.errors import DemoError, StateError
+from artiskill.tasks.levels import FIRST_DEMONSTRATED
 
 from .conftest import PER_OBJECT, put
 
@@ -104,7 +105,7 @@ def test_an_outcome_that_the_flags_do_not_have(path: Path) -> None:
 def test_a_trajectory_in_one_line(path: Path) -> None:
     with DemoFile(path) as file:
         first = file[0]
-    said = "cabinet-0002.h5, trajectory 0: link_0, level 0"
+    said = f"cabinet-0002.h5, trajectory 0: link_0, level {FIRST_DEMONSTRATED}"
     assert repr(first) == f"Trajectory({said}, {len(first)} steps, solved)"
 
 

@@ -25,6 +25,7 @@ from artiskill.evaluation.policies import load_policy
 from artiskill.experts.open_cabinet import OpenCabinetExpert
 from artiskill.experts.registry import make_expert
 from artiskill.experts.variation import load_variation
+from artiskill.tasks.levels import FIRST_DEMONSTRATED
 from artiskill.tasks.registry import task_names
 
 TASK, OBJECT, TARGET = "OpenCabinetDrawer", "cabinet-0026", "link_0"
@@ -210,7 +211,7 @@ def test_an_action_that_is_none_is_a_failed_attempt(
 
 
 def test_other_errors_name_the_episode(plan: MakePlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    episode = "object cabinet-0002, target link_0, level 0"
+    episode = f"object cabinet-0002, target link_0, level {FIRST_DEMONSTRATED}"
     monkeypatch.setattr(module, "record", failing(StateError("of another task")))
     with pytest.raises(PolicyError, match=f"^{episode}: of another task$"):
         collect(plan(objects=["cabinet-0002"]), tmp_path)

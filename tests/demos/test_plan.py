@@ -7,10 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from artiskill.assets.catalog import load_object
 from artiskill.demos import plan as planning
-from artiskill.demos.plan import CollectionPlan, LevelQueue, ObjectPlan
+from artiskill.demos.plan import CollectionOptions, CollectionPlan, LevelQueue, ObjectPlan
 from artiskill.demos.settings import GiveUpConfig
 from artiskill.errors import ConfigError
+from artiskill.evaluation.protocols import EPISODES
+from artiskill.learning.train_config import load_train_config
+from artiskill.tasks.levels import RngStream, level_generator
+from artiskill.tasks.registry import make_task
 
 from .conftest import drawer_plan
 
@@ -101,6 +106,19 @@ def test_no_attempt_is_in_vain_where_it_is_not_given_up() -> None:
     assert sorted(tried.outcomes) == list(tried.levels)
     assert tried.outcomes[tried.levels[-1]]
     assert tried.take(3) == ()
+
+
+def test_demonstrations_begin_where_no_protocol_plays() -> None:
+    """Nor where training measures: all objects start alike at a level."""
+    plan = planning.make_plan("PushChair", ["train"], CollectionOptions(per_object=300))
+    shown = {queue.level(k) for one in plan.objects for queue in plan.queues(one) for k in range(1000)}
+    assert min(shown) >= EPISODES
+    assert max(shown) < load_train_config("bc", "PushChair").development.first_level
+    task, starts = make_task("PushChair"), []
+    for name in ("chair-0004", "chair-0012"):
+        rng = level_generator(7, RngStream.INITIAL_STATE)
+        starts.append(np.asarray(task.sample_initial_state(load_object(name), rng).robot_qpos))
+    np.testing.assert_array_equal(*starts)
 
 
 def queues_of(chosen: tuple[str, ...]) -> list[LevelQueue]:

@@ -15,6 +15,7 @@ from artiskill.demos.plan import CollectionPlan
 from artiskill.demos.recording import Recording
 from artiskill.demos.stats import Coverage, folder_stats
 from artiskill.errors import DemoError
+from artiskill.tasks.levels import FIRST_DEMONSTRATED
 
 
 def states(
@@ -81,7 +82,7 @@ def test_failures_and_unequal_objects_count_by_number(
     """Of one object one of two attempts is solved, of the other both of two."""
 
     def record(env: Any, obj: ArticulatedObject, level: int, *rest: Any) -> Recording:
-        if (obj.id, level) == ("cabinet-0002", 0):
+        if (obj.id, level) == ("cabinet-0002", FIRST_DEMONSTRATED):
             raise np.linalg.LinAlgError("Singular matrix")
         return recording.record(env, obj, level, *rest)
 

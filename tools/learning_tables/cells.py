@@ -15,7 +15,9 @@ DRAWER_TASK = "OpenCabinetDrawer"
 A, B = "a", "b"  # one drawer; four tasks
 SPLITS_OF = {A: ("new",), B: ("train", "test")}  # what is measured in a cell
 POINTS = {"small": 128, "small_transformer": 128, "pointnet": 1200, "pointnet_transformer": 1200}
-NEW_LEVEL = 1_000_000  # the first one on objects that were demonstrated, far from the demonstrations' levels
+# The first levels of demonstrations and of episodes that count. A level starts all objects alike, so those of test
+# objects are new, too: else a policy would begin where it was shown the way, with another object.
+SHOWN_LEVEL, NEW_LEVEL = 0, 1_000_000
 COLLECT, TRAIN, EVALUATE = STAGES = ("collect", "train", "evaluate")
 
 
@@ -189,8 +191,8 @@ def collect_command(cell: Cell, settings: Settings, place: Place, resources: Res
         wanted = ["--objects", obj, "--targets", target, "--per-target", str(most)]
     else:
         wanted = ["--objects", *settings.objects("train", cell.task), "--per-object", str(settings.per_object)]
-    command = ["demos", "collect", "--task", cell.task, *wanted, "--out", str(place.demos)]
-    return [*command, "--workers", str(resources.workers)]
+    command = ["demos", "collect", "--task", cell.task, *wanted, "--first-level", str(SHOWN_LEVEL)]
+    return [*command, "--out", str(place.demos), "--workers", str(resources.workers)]
 
 
 def set_command(cell: Cell, settings: Settings, place: Place, resources: Resources) -> list[str]:
@@ -224,6 +226,5 @@ def evaluate_command(cell: Cell, split: str, settings: Settings, place: Place, r
     else:
         levels = settings.train_levels if split == "train" else settings.test_levels
         command += ["--objects", *settings.objects(split, cell.task), "--episodes", str(levels)]
-    if split != "test":
-        command += ["--first-level", str(NEW_LEVEL)]
+    command += ["--first-level", str(NEW_LEVEL)]
     return [*command, "--out", str(place.reports[split]), "--workers", str(resources.workers)]

@@ -25,6 +25,7 @@ from artiskill.cli.parser import (
     workers_of,
 )
 from artiskill.cli.progress import ProgressBar
+from artiskill.tasks.levels import FIRST_DEMONSTRATED
 
 if TYPE_CHECKING:
     from artiskill.assets.articulated_object import ArticulatedObject
@@ -94,7 +95,8 @@ def _add_collect(commands: Any) -> None:
     add("--per-target", type=int, help="successful trajectories of each target link, instead")
     add("--targets", nargs="+", metavar="LINK", help="demonstrate only these links (default: all)")
     add("--control-mode", default="joint", help="joint or operational_space (default: %(default)s)")
-    add("--first-level", "--seed", type=int, default=0, help="first level of each object (default: 0)")
+    summary = "first level of each object (default: %(default)s, as evaluations play from 0 on)"
+    add("--first-level", "--seed", type=int, default=FIRST_DEMONSTRATED, help=summary)
     add("--keep-failures", action="store_true", help="store failed attempts, too")
     add("--policy", metavar="RUN", help="run of sac or ppo that demonstrates instead of the expert")
     add("--plain", action="store_true", help="never vary the expert's style, and never disturb it")

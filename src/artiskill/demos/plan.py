@@ -27,7 +27,7 @@ from artiskill.envs.manipulation import ObjectChoice
 from artiskill.errors import ConfigError, UnknownNameError, check_name, shown
 from artiskill.experts.registry import make_expert
 from artiskill.experts.variation import load_variation, varied
-from artiskill.tasks.levels import MAX_LEVEL, check_level
+from artiskill.tasks.levels import FIRST_DEMONSTRATED, MAX_LEVEL, check_level
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Task
 from artiskill.versions import versions
@@ -45,7 +45,7 @@ class CollectionOptions:
     per_target: int | None = None  # successful trajectories of each target
     targets: Sequence[str] | None = None  # only these links, in any order; every object must have one of them
     control_mode: str = JOINT  # of the stored actions
-    first_level: int = 0  # of each object
+    first_level: int = FIRST_DEMONSTRATED  # of each object
     keep_failures: bool = False  # store failed attempts, too
     variety: bool = True  # let the expert's style differ from episode to episode, and disturb it now and then
     agent: Agent | None = None  # who demonstrates instead of the expert

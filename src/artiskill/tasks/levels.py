@@ -9,6 +9,9 @@ import numpy as np
 from artiskill.errors import ConfigError, shown
 
 MAX_LEVEL = 2**31 - 1
+# The first level of demonstrations, unless another is asked for. A level starts all objects alike: a policy that
+# imitates would know the starts of evaluations, which play from 0 on, from other objects.
+FIRST_DEMONSTRATED = 100_000
 
 
 class RngStream(IntEnum):
