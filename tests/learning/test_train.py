@@ -52,7 +52,11 @@ def test_a_set_is_made_from_demonstrations(tmp_path: Path) -> None:
     with pytest.raises(DemoError, match="is of task PushChair, not 'OpenCabinetDrawer'"):
         train(config, data, tmp_path / "run", device="cpu", threads=1)
     chairs = load_train_config("bc", "PushChair", overrides=TINY | {"steps": 2})
-    train(chairs, data, tmp_path / "run", device="cpu", threads=1, on_set=lambda *progress: told.append(progress))
+    lines: list[str] = []
+    train(chairs, data, tmp_path / "run", "cpu", 1, None, lines.extend, lambda *progress: told.append(progress))
+    assert lines[-1].startswith(
+        "note: 12 of 12 demonstrations begin at levels below 100000, where evaluations play"
+    )
     assert {what for what, *_ in told} == {"replaying", "writing"}
     assert read_info(tmp_path / "run").sampling["num_points"] == 32
     told.clear()

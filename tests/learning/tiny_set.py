@@ -21,6 +21,7 @@ from artiskill.learning.training_set import (
     manifest_text,
     step_type,
 )
+from artiskill.tasks.levels import FIRST_DEMONSTRATED
 
 torch.set_num_threads(1)  # of networks this small, a second thread makes slow ones; and tests share their cores
 
@@ -68,7 +69,7 @@ def write_tiny_set(folder: Path, task: str = TASK, seed: int = 0, frame: str = "
     steps["reward"] = -rng.random(len(steps))
     steps["terminated"][STEPS_EACH - 1 :: STEPS_EACH] = True
     np.save(folder / STEPS, steps)
-    rows = [(k % 2, 0, k, k * STEPS_EACH, STEPS_EACH) for k in range(TRAJECTORIES_HELD)]
+    rows = [(k % 2, 0, FIRST_DEMONSTRATED + k, k * STEPS_EACH, STEPS_EACH) for k in range(TRAJECTORIES_HELD)]
     np.save(folder / TRAJECTORIES, np.array(rows, TRAJECTORY_TYPE))
     manifest = SetManifest(
         task=task,

@@ -79,6 +79,8 @@ class Rollouts:
         UnknownNameError, AssetError: objects that do not exist, or that the task cannot use.
     """
 
+    notes = ()  # levels are drawn far from those of evaluations
+
     def __init__(
         self, config: TrainConfig, folder: Path, workers: int = 1, on_note: Callable[[str], None] = print
     ) -> None:

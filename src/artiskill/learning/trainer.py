@@ -6,7 +6,7 @@ So a run that was stopped in any way goes on from its last checkpoint, and on a 
 import hashlib
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any, Protocol
@@ -34,6 +34,7 @@ from artiskill.learning.run import BEST, KEPT, LATEST, RunInfo
 from artiskill.learning.stopping import StopSignal
 from artiskill.learning.train_config import OF_COMMANDS, TrainConfig
 from artiskill.learning.training_set import TrainingSet, manifest_text
+from artiskill.tasks.levels import FIRST_DEMONSTRATED
 
 # rows of development.csv for the weights in a file: an object, its episodes and its successes each
 Develop = Callable[[Path, "StopSignal"], list[tuple[str, int, int]]]
@@ -49,6 +50,10 @@ class Source(Protocol):
     @property
     def text(self) -> str:
         """What that is, in a line."""
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """Lines that warn about it."""
 
     def info(self, config: TrainConfig, versions: dict[str, str]) -> RunInfo:
         """Return what a new run says of itself."""
@@ -291,6 +296,7 @@ def describe_run(trainer: Trainer, source: Source) -> list[str]:
         f"network {config.network.kind}, {trainer.parameters} parameters; {config.steps} steps of "
         f"{config.batch_size}, {samples} samples; {config.precision} on {number}{device}",
         measured if trainer.measures else "no success is measured: the last checkpoint counts",
+        *source.notes,
     ]
 
 
@@ -311,6 +317,16 @@ class SetSource:
         objects = f"{len(held.objects)} objects" if len(held.objects) > 1 else held.objects[0]
         steps = f"{held.steps} steps of {held.trajectories} demonstrations"
         return f"{steps} on {objects}, {held.sizes.points} points each"
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """A line if demonstrations begin where evaluations play."""
+        levels = self._set.trajectories["level"]
+        count = int((levels < FIRST_DEMONSTRATED).sum())
+        return [
+            f"note: {count} of {len(levels)} demonstrations begin at levels below {FIRST_DEMONSTRATED}, where "
+            "evaluations play; a policy that recognises these starts does better there than at others"
+        ] * (count > 0)
 
     def batches(self, trainer: Trainer) -> AbstractContextManager[Iterator[Batch]]:
         """Return the batches of a run from where it stands."""
