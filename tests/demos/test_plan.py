@@ -13,7 +13,7 @@ from artiskill.demos.plan import CollectionOptions, CollectionPlan, LevelQueue, 
 from artiskill.demos.settings import GiveUpConfig
 from artiskill.errors import ConfigError
 from artiskill.evaluation.protocols import EPISODES
-from artiskill.learning.train_config import load_train_config
+from artiskill.learning.reinforcement_config import load_reinforcement_config
 from artiskill.tasks.levels import RngStream, level_generator
 from artiskill.tasks.registry import make_task
 
@@ -113,7 +113,7 @@ def test_demonstrations_begin_where_no_protocol_plays() -> None:
     plan = planning.make_plan("PushChair", ["train"], CollectionOptions(per_object=300))
     shown = {queue.level(k) for one in plan.objects for queue in plan.queues(one) for k in range(1000)}
     assert min(shown) >= EPISODES
-    assert max(shown) < load_train_config("bc", "PushChair").development.first_level
+    assert max(shown) < load_reinforcement_config("sac", "PushChair").evaluation.first_level
     task, starts = make_task("PushChair"), []
     for name in ("chair-0004", "chair-0012"):
         rng = level_generator(7, RngStream.INITIAL_STATE)
