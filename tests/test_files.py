@@ -1,9 +1,11 @@
 """Files and names of strangers: limits, regular files only, one reason in plain words."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -27,6 +29,7 @@ from artiskill.files import (
     read_bytes,
     read_text,
     remove_leftovers,
+    temporary_folder,
 )
 
 IMPOSSIBLE = {
@@ -305,3 +308,43 @@ def test_the_error_says_what_is_kept_out(tmp_path: Path) -> None:
         lock_folder(tmp_path, "collector"),
     ):
         pass
+
+
+def test_a_folder_that_is_removed_cannot_be_locked_meanwhile(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another process has just made it, and is about to lock it: it must not take what we are about to remove."""
+    left, remove = tmp_path / "work-abcdefgh", shutil.rmtree
+    left.mkdir()
+
+    def late(folder: str, **options: bool) -> None:
+        with pytest.raises(BlockingIOError):
+            files._locked(folder)
+        remove(folder, **options)
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(shutil, "rmtree", late)
+    folder, lock = temporary_folder("work-")
+    os.close(lock)
+    assert [str(path) for path in tmp_path.iterdir()] == [folder]
+
+
+def test_a_temporary_folder_that_another_process_removed_is_made_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened, open_file = list[str](), os.open
+
+    def late(path: str, flags: int) -> int:
+        handle = open_file(path, flags)
+        opened.append(path)
+        if len(opened) == 1:
+            os.rmdir(path)
+        return handle
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with monkeypatch.context() as patched:
+        patched.setattr(files.os, "open", late)
+        folder, lock = temporary_folder("work-")
+    os.close(lock)
+    assert opened[0] != opened[1] == folder
+    assert Path(folder).is_dir()

@@ -400,8 +400,11 @@ def temporary_folder(prefix: str) -> tuple[str, int]:
     pattern = os.path.join(glob.escape(tempfile.gettempdir()), prefix + "?" * 8)
     for old in glob.glob(pattern):
         with suppress(OSError):
-            os.close(_locked(old))
-            shutil.rmtree(old, ignore_errors=True)
+            handle = _locked(old)
+            try:  # while it is ours: whoever has just made it would lock it otherwise, and lose it
+                shutil.rmtree(old, ignore_errors=True)
+            finally:
+                os.close(handle)
     while True:
         folder = tempfile.mkdtemp(prefix=prefix)
         try:
@@ -413,9 +416,12 @@ def temporary_folder(prefix: str) -> tuple[str, int]:
 
 
 def _locked(folder: str) -> int:
+    """Return the handle of a folder that is locked, and still in its place."""
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if not os.path.samestat(os.fstat(handle), os.stat(folder)):
+            raise FileNotFoundError(folder)
     except OSError:
         os.close(handle)
         raise
