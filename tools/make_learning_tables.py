@@ -193,7 +193,7 @@ def keep_settings(settings: Settings, tables: set[str], work: Path, data: Path) 
         ours = {name: value for name, value in to_mapping(settings).items() if name in names}
         if before[0] is not None:
             check_same(ours, before[0], work)
-        data.mkdir(exist_ok=True)
+        data.mkdir(parents=True, exist_ok=True)
         for path in places:
             with atomic_write(path) as temporary:
                 temporary.write_text(json.dumps(ours, indent=1) + "\n", encoding="utf-8")
