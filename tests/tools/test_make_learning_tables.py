@@ -64,6 +64,12 @@ def test_the_page_says_what_the_reports_hold(
     assert page.read_text() == text
 
 
+@pytest.mark.usefixtures("called")
+def test_steps_that_are_the_same_are_said_once(page: Path, main: Callable[..., int]) -> None:
+    assert main("--schedule", "10:20", "30:20") == 0
+    assert "Gradient steps of 128 samples: 20 for each number (the paper's: 2,000," in page.read_text()
+
+
 def test_rows_of_another_work_folder_stay(
     page: Path, main: Callable[..., int], called: Callable[[], list[str]], tmp_path: Path
 ) -> None:

@@ -66,6 +66,8 @@ def tasks_table(results: Sequence[Result]) -> str:
 def _about_a(results: Sequence[Result], settings: Settings) -> str:
     steps = {count: max(1, round(steps * settings.scale)) for count, steps in settings.schedule.items()}
     texts = [f"{number:,} for {count} demonstrations" for count, number in steps.items()]
+    if len(set(steps.values())) == 1:
+        texts = [f"{next(iter(steps.values())):,} for each number"]
     paper = "as in the paper" if steps == PAPER_STEPS else f"the paper's: {_numbers(PAPER_STEPS.values())}"
     return (
         f"Success on {settings.episodes} new levels of {settings.drawer[0]}, {settings.drawer[1]}, by the number "
