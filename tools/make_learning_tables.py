@@ -3,15 +3,15 @@
 Table a: one drawer by the number of demonstrations. Table b: four tasks on training and test objects. Each cell is
 one policy: its demonstrations, training set, training and evaluation are commands of `artiskill`, printed as they
 run. Whatever ends this script, the same command goes on. Finished cells are known by their reports, or by their
-rows in the CSV file of the page: without them they are made anew. Nothing is trained on, or
-chosen by, test objects.
+rows in the CSV file of the page: without them they are made anew. Options that change what cells have in common
+make other tables, which replace those of the page. Nothing is trained on, or chosen by, test objects.
 """
 
 import argparse
 import json
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -37,13 +37,33 @@ from learning_tables.cells import (
 from learning_tables.estimates import Estimator
 from learning_tables.markdown import tables_text, write_between
 from learning_tables.queue import CommandError, Queue, locked
-from learning_tables.results import CSV_HEAD, Result, csv_rows, read_csv_rows, read_results, write_rows
+from learning_tables.results import (
+    CSV_HEAD,
+    PAPER_STEPS,
+    Result,
+    csv_rows,
+    read_csv_rows,
+    read_results,
+    write_rows,
+)
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "learning.md"
 TABLE = Path("data", "learning.csv")  # beside the page
 BEGIN, END = "<!-- made by tools/make_learning_tables.py -->", "<!-- end of what was made -->"
-SCHEDULE = ("10:2000", "30:4000", "100:10000", "300:20000", "1000:40000")  # the paper's
-SAMPLES_B = 2_560_000  # 20,000 batches of 128; the paper's BC had 19,200,000
+DEFAULTS: dict[str, Any] = {  # of settings, where there are no tables yet
+    "drawer": ["cabinet-0002", "link_0"],
+    "schedule": PAPER_STEPS,
+    "scale": 1.0,
+    "samples": 2_560_000,  # 20,000 batches of 128; the paper's BC had 19,200,000
+    "batch_size": 128,
+    "episodes": 100,
+    "per_object": 40,
+    "train_objects": ["train"],
+    "test_objects": ["test"],
+    "train_levels": 20,
+    "test_levels": 50,
+    "frame": "robot",
+}
 SMALL = ["small", "small_transformer"]  # networks that two cores can train
 PARTS = {  # of settings, each kept in a file of its own
     "shared": ("batch_size", "frame"),
@@ -56,7 +76,8 @@ def main(arguments: list[str]) -> int:
     """Run the queue, write the tables; the exit status is 1 if a cell failed, 2 if what is asked is not legal."""
     options = make_parser().parse_args(arguments)
     try:
-        settings = make_settings(options)
+        data = options.page.parent / TABLE.parent
+        settings = make_settings(options, kept_settings(data))
         cells = chosen_cells(options, settings)
         check_cells(cells, settings)
         resources = Resources(options.device, options.precision, options.workers, options.threads)
@@ -65,7 +86,7 @@ def main(arguments: list[str]) -> int:
             return 0
         with locked(options.work) as lock:
             tables = {cell.table for cell in cells}
-            settings = keep_settings(settings, tables, options.work, options.page.parent / TABLE.parent)
+            settings = keep_settings(settings, tables, options.work, data)
             queue = Queue(settings, options.work, resources, options.stages, lock)
             return run_all(queue, cells, settings, options, resources)
     except ArtiSkillError as error:
@@ -93,18 +114,21 @@ def make_parser() -> argparse.ArgumentParser:
     )
     add("--list", action="store_true", help="print the cells with an estimate of minutes, and end")
     add("--time-limit", type=float, metavar="MINUTES", help="start no cell that would probably end later")
+    group = parser.add_argument_group("what cells have in common; by default as in the tables on the page, else")
+    add = group.add_argument
     samples = "of each policy of table b, and of the longest of table a, whose others shrink with it"
-    add("--samples", type=int, help=f"{samples} (default: {SAMPLES_B}, and the paper's schedule)")
-    add("--schedule", nargs="+", default=SCHEDULE, metavar="COUNT:STEPS", help="demonstrations of table a")
-    add("--batch-size", type=int, default=128, help="of all algorithms (default: %(default)s)")
-    add("--drawer", default="cabinet-0002/link_0", help="of table a (default: %(default)s)")
-    add("--episodes", type=int, default=100, help="of table a (default: %(default)s)")
-    add("--per-object", type=int, default=40, help="demonstrations of table b (default: %(default)s)")
-    add("--train-objects", nargs="+", default=["train"], help="of table b (default: train)")
-    add("--test-objects", nargs="+", default=["test"], help="of table b (default: test)")
-    add("--train-levels", type=int, default=20, help="episodes on each training object (default: %(default)s)")
-    add("--test-levels", type=int, default=50, help="episodes on each test object (default: %(default)s)")
-    add("--frame", default="robot", help="of the points (default: %(default)s)")
+    add("--samples", type=int, help=f"{samples} ({DEFAULTS['samples']}, and the paper's schedule)")
+    add("--schedule", nargs="+", metavar="COUNT:STEPS", help="demonstrations of table a (the paper's)")
+    add("--batch-size", type=int, help=f"of all algorithms ({DEFAULTS['batch_size']})")
+    add("--drawer", help=f"of table a ({'/'.join(DEFAULTS['drawer'])})")
+    add("--episodes", type=int, help=f"of table a ({DEFAULTS['episodes']})")
+    add("--per-object", type=int, help=f"demonstrations of table b ({DEFAULTS['per_object']})")
+    add("--train-objects", nargs="+", help="of table b (train)")
+    add("--test-objects", nargs="+", help="of table b (test)")
+    add("--train-levels", type=int, help=f"episodes on each training object ({DEFAULTS['train_levels']})")
+    add("--test-levels", type=int, help=f"episodes on each test object ({DEFAULTS['test_levels']})")
+    add("--frame", help=f"of the points ({DEFAULTS['frame']})")
+    add = parser.add_argument
     add("--device", default="auto", help="auto, cpu or cuda (default: %(default)s)")
     add("--precision", default="float32", help="float32 or bfloat16 (default: %(default)s)")
     add("--threads", type=int, help="of training on a CPU (default: one per core)")
@@ -112,45 +136,46 @@ def make_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def make_settings(options: argparse.Namespace) -> Settings:
-    """Return the settings that options mean.
+def kept_settings(data: Path) -> dict[str, Any]:
+    """Return the settings that the tables beside a page were made with; none where there are no tables."""
+    paths = [data / f"learning-{part}.json" for part in PARTS]
+    found = {}
+    for path in paths:
+        found |= parse_json(read_bytes(path)) if path.is_file() else {}
+    return found
+
+
+def make_settings(options: argparse.Namespace, kept: Mapping[str, Any]) -> Settings:
+    """Return the settings that options mean, and those kept or the defaults where they say nothing.
 
     Raises:
         ConfigError: a text of another form, or a number that is too small.
     """
-    numbers = ("batch_size", "episodes", "per_object", "train_levels", "test_levels", "workers")
-    for name in numbers:
-        if getattr(options, name) < 1:
-            raise ConfigError(f"--{name.replace('_', '-')} must be at least 1, not {getattr(options, name)}")
-    if options.samples is not None and options.samples < options.batch_size:
-        raise ConfigError(
-            f"--samples must be at least the batch size, {options.batch_size}, not {options.samples}"
-        )
-    obj, slash, target = options.drawer.partition("/")
-    if not slash:
-        raise ConfigError(f"--drawer is OBJECT/TARGET, such as cabinet-0002/link_0, not {options.drawer!r}")
-    schedule = dict(map(_schedule_item, options.schedule))
-    samples = options.samples or max(schedule.values()) * options.batch_size
-    return Settings(
-        drawer=[obj, target],
-        schedule=schedule,
-        scale=samples / (max(schedule.values()) * options.batch_size),
-        samples=options.samples or SAMPLES_B,
-        batch_size=options.batch_size,
-        episodes=options.episodes,
-        per_object=options.per_object,
-        train_objects=list(options.train_objects),
-        test_objects=list(options.test_objects),
-        train_levels=options.train_levels,
-        test_levels=options.test_levels,
-        frame=options.frame,
-    )
+    given = {name: getattr(options, name) for name in DEFAULTS if getattr(options, name, None) is not None}
+    for name in ("batch_size", "episodes", "per_object", "train_levels", "test_levels", "workers"):
+        if (number := getattr(options, name)) is not None and number < 1:
+            raise ConfigError(f"--{name.replace('_', '-')} must be at least 1, not {number}")
+    if "drawer" in given:
+        obj, slash, target = given["drawer"].partition("/")
+        if not slash:
+            raise ConfigError(f"--drawer is OBJECT/TARGET, such as cabinet-0002/link_0, not {given['drawer']!r}")
+        given["drawer"] = [obj, target]
+    if "schedule" in given:
+        given["schedule"], given["scale"] = dict(map(_schedule_item, given["schedule"])), 1.0
+    found = {**DEFAULTS, **kept, **given}
+    if "samples" in given:
+        if found["samples"] < found["batch_size"]:
+            raise ConfigError(
+                f"--samples must be at least the batch size, {found['batch_size']}, not {found['samples']}"
+            )
+        found["scale"] = found["samples"] / (max(found["schedule"].values()) * found["batch_size"])
+    return Settings(**found)
 
 
 def _schedule_item(text: str) -> tuple[str, int]:
     count, _, steps = text.partition(":")
     if not (count.isdecimal() and steps.isdecimal() and int(count) and int(steps)):
-        raise ConfigError(f"--schedule is COUNT:STEPS, such as {SCHEDULE[0]}, not {text!r}")
+        raise ConfigError(f"--schedule is COUNT:STEPS, such as 10:2000, not {text!r}")
     return str(int(count)), int(steps)
 
 

@@ -221,9 +221,10 @@ def _cell(seeds: Sequence[Measured]) -> str:
     if not seeds:
         return "missing"
     rates = [one.rate for one in seeds]
-    low, high = sum_of(seeds).objects_interval
+    interval = sum_of(seeds).objects_interval
     spread = f" ± {np.std(rates, ddof=1):.1%}" if len(rates) > 1 else ""
-    return f"{np.mean(rates):.1%}{spread} ({low:.0%} to {high:.0%}), {len(rates)} seed{'s' * (len(rates) > 1)}"
+    bounds = "" if interval is None else f" ({interval[0]:.0%} to {interval[1]:.0%})"
+    return f"{np.mean(rates):.1%}{spread}{bounds}, {len(rates)} seed{'s' * (len(rates) > 1)}"
 
 
 def csv_rows(found: dict[Policy, dict[str, Measured]]) -> Iterator[list[str]]:

@@ -98,6 +98,19 @@ def test_rows_of_another_work_folder_stay(
     assert [line.split()[0] for line in called()].count("train") == 1  # what is of other steps is made anew
 
 
+def test_a_command_without_settings_goes_on_with_those_of_the_page(
+    tool: ModuleType, page: Path, main: Callable[..., int], called: Callable[[], list[str]]
+) -> None:
+    assert main("--episodes", "50", "--batch-size", "64") == 0
+    called()
+    text = page.read_text()
+    places = ["--work", str(page.parent / "other"), "--page", str(page)]
+    assert tool.main([*places, "--only", "a", "--cells", "a/small-bc/*"]) == 0
+    assert called() == []
+    assert page.read_text() == text
+    assert "Success on 50 new levels" in text
+
+
 def test_a_table_that_is_not_of_this_script(
     page: Path, main: Callable[..., int], called: Callable[[], list[str]], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -180,6 +193,6 @@ def test_each_table_has_its_own_schedule(
     assert "10 for 10 demonstrations, 20 for 30 demonstrations" in text
     assert "| small | BC | 75% (30% to 95%) | 75% (30% to 95%) |" in text
     assert "Every policy saw 1,280 samples" in text
-    row = "| PushChair | small | BC | 75% (30% to 95%) | 75% (30% to 95%) | 75% to 75% |"
+    row = "| PushChair | small | BC | 75% (30% to 95%) | 75% (30% to 95%) |  |"
     assert row in text
     assert [line.split()[0] for line in called()].count("train") == 3

@@ -133,7 +133,10 @@ def _rate(found: Sequence[Result], split: str) -> str:
     return f"{text} ± {np.std([one.rate for one in measured], ddof=1):.0%}, {len(measured)} seeds"
 
 
-def _range(interval: tuple[float, float]) -> str:
+def _range(interval: tuple[float, float] | None) -> str:
+    """Return bounds; nothing where objects that are all alike say nothing about others."""
+    if interval is None:
+        return ""
     low, high = interval
     return f"{low:.0%} to {high:.0%}"
 

@@ -7,13 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from artiskill.errors import ConfigError
 from artiskill.files import atomic_write, parse_json, read_bytes, read_text
 from learning_tables.cells import METHODS, SPLITS_OF, TASKS, A, Cell, Method, Settings, place_of
 
-RESAMPLES = 10_000
 PAPER_STEPS = {"10": 2000, "30": 4000, "100": 10_000, "300": 20_000, "1000": 40_000}  # by demonstrations
 # success by demonstrations, table a; (training, test objects) by task, table b: Mu et al., NeurIPS 2021
 PAPER_A = {
@@ -59,9 +56,11 @@ class Measured:
         return wilson_interval(self.successes.total(), self.episodes.total())
 
     @property
-    def objects_interval(self) -> tuple[float, float]:
-        """The bootstrap's over objects, 95 %: of unseen objects in general."""
-        return bootstrap_interval([self.successes[name] / self.episodes[name] for name in sorted(self.episodes)])
+    def objects_interval(self) -> tuple[float, float] | None:
+        """The bootstrap's over objects, 95 %, as in reports: of unseen objects in general."""
+        from artiskill.evaluation.statistics import counts_interval
+
+        return counts_interval(self.successes, self.episodes)
 
     def __add__(self, other: "Measured") -> "Measured":
         counts = self.successes + other.successes, self.episodes + other.episodes
@@ -80,14 +79,6 @@ class Result:
     def minutes(self) -> float:
         """Of training."""
         return float(self.trained["seconds"]) / 60
-
-
-def bootstrap_interval(rates: Sequence[float]) -> tuple[float, float]:
-    """Return the 95 % percentile interval of the mean of objects' rates, objects drawn with replacement."""
-    values = np.asarray(rates)
-    drawn = np.random.Generator(np.random.PCG64(0)).integers(len(values), size=(RESAMPLES, len(values)))
-    low, high = np.percentile(values[drawn].mean(1), [2.5, 97.5])
-    return float(low), float(high)
 
 
 def read_results(work: Path, settings: Settings) -> list[Result]:

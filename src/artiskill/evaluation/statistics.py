@@ -6,7 +6,7 @@ objects treats each object as one draw: how well would it do on other objects of
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
@@ -129,15 +129,23 @@ def wilson_interval(successes: int, trials: int, z: float = _Z_95) -> Interval:
 
 
 def object_interval(episodes: Sequence[EpisodeResult]) -> Interval | None:
+    """Return the 95 % interval of the success rate by bootstrap over objects, see `counts_interval`."""
+    return counts_interval(Counter(r.object for r in episodes if r.success), Counter(r.object for r in episodes))
+
+
+def counts_interval(successes: Mapping[str, int], episodes: Mapping[str, int]) -> Interval | None:
     """Return the 95 % interval of the success rate by bootstrap over objects.
 
     None with a single object, or with the same rate on all: from those it could say nothing about others.
+
+    Args:
+        successes: by object; none of an object that is missing.
+        episodes: by object.
     """
-    names = list(dict.fromkeys(result.object for result in episodes))
-    successes, counts = Counter(r.object for r in episodes if r.success), Counter(r.object for r in episodes)
-    if len({Fraction(successes[name], counts[name]) for name in names}) < 2:
+    solved = [successes.get(name, 0) for name in episodes]
+    if len({Fraction(*pair) for pair in zip(solved, episodes.values(), strict=True)}) < 2:
         return None
-    return cluster_interval([successes[name] for name in names], [counts[name] for name in names])
+    return cluster_interval(solved, list(episodes.values()))
 
 
 def cluster_interval(sums: Sequence[int], counts: Sequence[int]) -> Interval | None:

@@ -12,7 +12,6 @@ from learning_tables.results import (
     CSV_HEAD,
     Measured,
     Result,
-    bootstrap_interval,
     csv_rows,
     read_csv_rows,
     read_results,
@@ -69,14 +68,6 @@ def test_unseen_objects_have_an_interval_of_their_own(results: list[Result], set
     text = tables_text(results, settings)
     assert "19 of 20 cells are missing" in text
     assert "39 of 40 cells are missing" in text
-
-
-def test_a_bootstrap_draws_objects() -> None:
-    assert bootstrap_interval([0.3] * 5) == pytest.approx((0.3, 0.3))
-    low, high = bootstrap_interval([0.0, 1.0] * 50)
-    assert low == pytest.approx(0.5 - 1.96 * 0.05, abs=0.02)
-    assert high == pytest.approx(0.5 + 1.96 * 0.05, abs=0.02)
-    assert bootstrap_interval([0.0, 1.0] * 50) == (low, high)
 
 
 def test_every_finished_cell_has_a_row_for_each_object(results: list[Result], settings: Settings) -> None:
