@@ -369,6 +369,8 @@ def test_a_run_is_evaluated(whole: Path) -> None:
         (("dagger", "--data", "x"), "--data is of demonstrations"),
         (("bc",), "--data is needed"),
         (("bc", "--data", "x", "--samples", "9"), "--samples is for dagger, not for bc"),
+        (("sac", "--workers", "2"), "--workers is not for sac"),
+        (("ppo", "--device", "cuda"), "--device is auto or cpu for ppo, not 'cuda'"),
     ],
 )
 def test_options_of_the_other_kind(
@@ -378,6 +380,17 @@ def test_options_of_the_other_kind(
 
     assert main(["train", *arguments, "--task", TASK, "--out", str(tmp_path / "run")]) == 2
     assert says in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("algorithm", ["dagger", "sac"])
+def test_rollouts_are_of_one_process(
+    algorithm: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from artiskill.cli.main import main
+
+    monkeypatch.setenv("WORLD_SIZE", "2")
+    assert main(["train", algorithm, "--task", TASK, "--out", str(tmp_path / "run")]) == 2
+    assert f"{algorithm} trains in one process: start it without torchrun" in capsys.readouterr().err
 
 
 def test_samples_set_rounds_and_steps() -> None:

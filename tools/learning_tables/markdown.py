@@ -86,9 +86,9 @@ def _about_b(results: Sequence[Result], settings: Settings) -> str:
     return (
         f"Success on training objects ({settings.train_levels} new levels each) and test objects "
         f"({settings.test_levels} levels each; objects: {objects}), with 95 % Wilson intervals over episodes; the "
-        "interval for unseen objects in general is a bootstrap over test objects. Every policy saw "
-        f"{steps * settings.batch_size:,} samples, in batches of {settings.batch_size}, of {settings.per_object} "
-        "demonstrations of each training object (the paper's BC: 19,200,000 samples, of 300). "
+        "interval for unseen objects in general is a bootstrap over test objects (none where all have one rate). "
+        f"Every policy saw {steps * settings.batch_size:,} samples, in batches of {settings.batch_size}, of "
+        f"{settings.per_object} demonstrations of each training object (the paper's BC: 19,200,000, of 300). "
         f"{_about_cells(results, B, len(TASKS))}"
     )
 

@@ -60,12 +60,12 @@ _REPLAY_EPILOG = """examples:
   artiskill demos replay demos/chairs --out training/full --obs-mode pointcloud --points all --count 5
   artiskill demos replay demos/drawers --out training/os --obs-mode state --control-mode operational_space
 
-After an interruption, the same command continues where it stopped. docs/demonstrations.md describes the files."""
+After an interruption, the same command continues where it stopped. docs/training_files.md describes the files."""
 _EXPORT_EPILOG = """examples:
   artiskill demos export training/chairs --format minari --out ~/.minari/datasets
   artiskill demos export training/chairs --format lerobot --out exported/lerobot --name artiskill/chairs
 
-PATH is a folder that `artiskill demos replay` has made. docs/demonstrations.md says what is where."""
+PATH is a folder that `artiskill demos replay` has made. docs/training_files.md says what is where."""
 _PICTURES_EPILOG = """examples:
   artiskill demos pictures demos/chairs --object chair-0004 --out chair.png
   artiskill demos pictures demos/doors --object cabinet-0006 --target link_1 --count 3 --out door.png"""

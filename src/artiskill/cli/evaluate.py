@@ -139,7 +139,7 @@ def _add_evaluate(commands: Any) -> None:
     add("--policy", default="expert", help=f"{policies} ws://host:port of a server (default: expert)")
     add(
         "--protocol",
-        help="play this protocol, see `artiskill protocols`: it decides the options from --objects to --set",
+        help="play this protocol, see `artiskill protocols`: it decides task, objects, levels, modes and values",
     )
     add("--objects", nargs="+", help="splits, ids or PartNet folders (default: test)")
     add("--target", help="target link, or 'all' to evaluate each one separately (default: drawn by each level)")

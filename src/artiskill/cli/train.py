@@ -34,7 +34,7 @@ docs/training_runs.md describes data, runs and values."""
 _ALGORITHMS = "bc, bcq, td3bc or command_bc, from demonstrations; dagger, from an expert; sac or ppo, from rewards"
 
 # options that reinforcement learning does not have
-_NOT_REINFORCEMENT = ("data", "points", "frame", "network", "samples", "precision", "dev_objects")
+_NOT_REINFORCEMENT = ("data", "points", "frame", "network", "samples", "precision", "dev_objects", "workers")
 _PASSES = 7  # of gradient steps over the steps of rollouts
 
 
@@ -47,36 +47,34 @@ def add_commands(commands: Any) -> None:
     data = "training set, training files with point clouds, or demonstrations; not for dagger"
     add("--data", type=Path, metavar="FOLDER", help=data)
     add("--out", type=Path, required=True, metavar="FOLDER", help="folder of the run")
-    add("--points", type=int, help="points of a cloud (default: 256, or the data's; dagger: 128)")
+    add("--points", type=int, help="points of a cloud (default: a training set's, else at most 256; dagger: 128)")
     add("--frame", help="frame of the points: world, robot or end_effector (default: the data's, else world)")
     add(
         "--network",
         help="small (default), small_transformer, pointnet, pointnet_transformer, or kinematic (default of dagger "
         "and command_bc)",
     )
-    add(
-        "--steps",
-        type=int,
-        help="gradient steps (default: 20000; dagger: 5200), or of environments (sac: 800000, ppo: 2000000)",
-    )
+    steps = "gradient steps (default: 20000; command_bc: 6000; dagger: 5200)"
+    add("--steps", type=int, help=f"{steps}, or of environments (sac: 800000, ppo: 2000000)")
     rollouts = "dagger, sac, ppo: learn on these (default: train; dagger: and hundreds of generated ones)"
     add("--objects", nargs="+", metavar="OBJECT", help=rollouts)
     add("--target", metavar="LINK", help="sac, ppo: open only this one (default: each episode draws one)")
     add("--envs", type=int, help="sac, ppo: environments side by side (default: 16)")
     add("--samples", type=int, help="dagger: steps of rollouts in all, and 7 passes over as many (default: 96000)")
-    add("--batch-size", type=int, help="samples of a step (default: 128 for bc, else 64)")
+    batches = "samples of a step (default: bc, dagger: 128; bcq, td3bc, command_bc: 64; sac, ppo: 256)"
+    add("--batch-size", type=int, help=batches)
     add("--seed", type=int, help="of weights, batches and noise (default: 0)")
-    add("--device", default="auto", help="auto, cpu or cuda (default: %(default)s)")
+    add("--device", default="auto", help="auto, cpu or cuda (default: %(default)s; sac, ppo: cpu)")
     add("--precision", help="float32 or bfloat16 (default: float32)")
     add("--threads", type=int, help="threads of the CPU, in each process (default: one per core; sac, ppo: 1)")
     objects = "measure success on these during training: generated:CATEGORY:SEEDS, ids, splits; none for never"
     add("--dev-objects", nargs="+", metavar="OBJECT", help=objects)
-    add("--dev-episodes", type=int, help="episodes on each of them (default: 2; sac, ppo: 20 in all)")
+    add("--dev-episodes", type=int, help="episodes on each of them (default: 2; dagger: 4; sac, ppo: 20 in all)")
     add(
         "--dev-every",
         type=int,
         metavar="STEPS",
-        help="steps from one measurement to the next (default: 2000; sac, ppo: 50000)",
+        help="steps from one measurement to the next (default: 2000; dagger: 1300; sac, ppo: 50000)",
     )
     add_set(parser, "change values, see config.yaml of a run")
     add_workers(parser)
@@ -124,6 +122,9 @@ def _run_reinforcement(arguments: argparse.Namespace) -> None:
     for name in _NOT_REINFORCEMENT:
         if getattr(arguments, name) is not None:
             raise UsageError(f"--{name.replace('_', '-')} is not for {arguments.algorithm}")
+    if arguments.device not in ("auto", "cpu"):
+        raise UsageError(f"--device is auto or cpu for {arguments.algorithm}, not {arguments.device!r}")
+    _check_alone(arguments.algorithm)
     given = {
         "objects": arguments.objects,
         "target": arguments.target,
@@ -185,7 +186,14 @@ def _data(arguments: argparse.Namespace, screen: "_Screen") -> "TrainData | Roll
     for name in ("data", "frame"):
         if getattr(arguments, name) is not None:
             raise UsageError(f"--{name} is of demonstrations; {arguments.algorithm} learns from an expert")
+    _check_alone(arguments.algorithm)
     return RolloutData(workers_of(arguments), screen.show_note)
+
+
+def _check_alone(algorithm: str) -> None:
+    """Raise `UsageError` if `torchrun` has started several processes."""
+    if os.environ.get("WORLD_SIZE", "1") != "1":
+        raise UsageError(f"{algorithm} trains in one process: start it without torchrun")
 
 
 def _rollout_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
