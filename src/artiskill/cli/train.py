@@ -55,7 +55,7 @@ def add_commands(commands: Any) -> None:
         "and command_bc)",
     )
     steps = "gradient steps (default: 20000; command_bc: 6000; dagger: 5200)"
-    add("--steps", type=int, help=f"{steps}, or of environments (sac: 800000, ppo: 2000000)")
+    add("--steps", type=int, help=f"{steps}, or of environments (sac: 200000, ppo: 2000000)")
     rollouts = "dagger, sac, ppo: learn on these (default: train; dagger: and hundreds of generated ones)"
     add("--objects", nargs="+", metavar="OBJECT", help=rollouts)
     add("--target", metavar="LINK", help="sac, ppo: open only this one (default: each episode draws one)")
@@ -74,7 +74,7 @@ def add_commands(commands: Any) -> None:
         "--dev-every",
         type=int,
         metavar="STEPS",
-        help="steps from one measurement to the next (default: 2000; dagger: 1300; sac, ppo: 50000)",
+        help="steps from one measurement to the next (default: 2000; dagger: 1300; sac: 20000; ppo: 50000)",
     )
     add_set(parser, "change values, see config.yaml of a run")
     add_workers(parser)
