@@ -16,16 +16,18 @@ from artiskill.learning.train_config import check_development, load_train_config
 
 
 @pytest.mark.parametrize(
-    ("name", "batch_size", "rates"),
+    ("name", "batch_size", "steps", "rates"),
     [
-        ("bc", 128, {"learning_rate": 1e-3}),
-        ("bcq", 64, {"critic_learning_rate": 5e-4}),
-        ("td3bc", 64, {"policy_learning_rate": 5e-4}),
+        ("bc", 128, 6000, {"learning_rate": 1e-3}),
+        ("bcq", 64, 20_000, {"critic_learning_rate": 5e-4}),
+        ("td3bc", 64, 20_000, {"policy_learning_rate": 5e-4}),
     ],
 )
-def test_values_that_the_package_comes_with(name: str, batch_size: int, rates: dict[str, float]) -> None:
+def test_values_that_the_package_comes_with(
+    name: str, batch_size: int, steps: int, rates: dict[str, float]
+) -> None:
     config = load_train_config(name, TASK)
-    assert (config.batch_size, config.steps, config.schedule) == (batch_size, 20_000, "cosine")
+    assert (config.batch_size, config.steps, config.schedule) == (batch_size, steps, "cosine")
     assert config.algorithm | rates == config.algorithm
     assert config.network.point_layers == (64, 128, 256)
     assert load_train_config(name, TASK, "pointnet").network.point_layers == (256, 512)

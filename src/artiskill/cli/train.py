@@ -54,7 +54,7 @@ def add_commands(commands: Any) -> None:
         help="small (default), small_transformer, pointnet, pointnet_transformer, or kinematic (default of dagger "
         "and command_bc)",
     )
-    steps = "gradient steps (default: 20000; command_bc: 6000; dagger: 5200)"
+    steps = "gradient steps (default: bc, command_bc: 6000; bcq, td3bc: 20000; dagger: 5200)"
     add("--steps", type=int, help=f"{steps}, or of environments (sac: 200000, ppo: 2000000)")
     rollouts = "dagger, sac, ppo: learn on these (default: train; dagger: and hundreds of generated ones)"
     add("--objects", nargs="+", metavar="OBJECT", help=rollouts)
@@ -70,12 +70,8 @@ def add_commands(commands: Any) -> None:
     objects = "measure success on these during training: generated:CATEGORY:SEEDS, ids, splits; none for never"
     add("--dev-objects", nargs="+", metavar="OBJECT", help=objects)
     add("--dev-episodes", type=int, help="episodes on each of them (default: 2; dagger: 4; sac, ppo: 20 in all)")
-    add(
-        "--dev-every",
-        type=int,
-        metavar="STEPS",
-        help="steps from one measurement to the next (default: 2000; dagger: 1300; sac: 20000; ppo: 50000)",
-    )
+    every = "bcq, td3bc, command_bc: 2000; bc: 1000; dagger: 1300; sac: 20000; ppo: 50000"
+    add("--dev-every", type=int, metavar="STEPS", help=f"from one measurement to the next (default: {every})")
     add_set(parser, "change values, see config.yaml of a run")
     add_workers(parser)
 
