@@ -3,8 +3,9 @@
 Table a: one drawer by the number of demonstrations. Table b: four tasks on training and test objects. Each cell is
 one policy: its demonstrations, training set, training and evaluation are commands of `artiskill`, printed as they
 run. Whatever ends this script, the same command goes on. Finished cells are known by their reports, or by their
-rows in the CSV file of the page: without them they are made anew. Options that change what cells have in common
-make other tables, which replace those of the page. Nothing is trained on, or chosen by, test objects.
+rows in the CSV file of the page: without them they are made anew. Other steps or numbers of demonstrations make
+cells anew; what else they have in common must be as in the page's tables. Nothing is trained on, or chosen by,
+test objects.
 """
 
 import argparse
@@ -70,6 +71,7 @@ PARTS = {  # of settings, each kept in a file of its own
     A: ("drawer", "schedule", "scale", "episodes"),
     B: ("samples", "per_object", "train_objects", "test_objects", "train_levels", "test_levels"),
 }
+IN_ROWS = ("schedule", "scale", "samples", "per_object")  # each row of the CSV file tells them
 
 
 def main(arguments: list[str]) -> int:
@@ -114,12 +116,14 @@ def make_parser() -> argparse.ArgumentParser:
     )
     add("--list", action="store_true", help="print the cells with an estimate of minutes, and end")
     add("--time-limit", type=float, metavar="MINUTES", help="start no cell that would probably end later")
-    group = parser.add_argument_group("what cells have in common; by default as in the tables on the page, else")
+    group = parser.add_argument_group(
+        "what cells have in common (default: as in the page's tables; in brackets: where there are none)"
+    )
     add = group.add_argument
     samples = "of each policy of table b, and of the longest of table a, whose others shrink with it"
     add("--samples", type=int, help=f"{samples} ({DEFAULTS['samples']}, and the paper's schedule)")
     add("--schedule", nargs="+", metavar="COUNT:STEPS", help="demonstrations of table a (the paper's)")
-    add("--batch-size", type=int, help=f"of all algorithms ({DEFAULTS['batch_size']})")
+    add("--batch-size", type=int, help=f"of all algorithms; steps of table a stay ({DEFAULTS['batch_size']})")
     add("--drawer", help=f"of table a ({'/'.join(DEFAULTS['drawer'])})")
     add("--episodes", type=int, help=f"of table a ({DEFAULTS['episodes']})")
     add("--per-object", type=int, help=f"demonstrations of table b ({DEFAULTS['per_object']})")
@@ -163,11 +167,11 @@ def make_settings(options: argparse.Namespace, kept: Mapping[str, Any]) -> Setti
     if "schedule" in given:
         given["schedule"], given["scale"] = dict(map(_schedule_item, given["schedule"])), 1.0
     found = {**DEFAULTS, **kept, **given}
+    if found["samples"] < found["batch_size"]:
+        raise ConfigError(
+            f"--samples must be at least the batch size, {found['batch_size']}, not {found['samples']}"
+        )
     if "samples" in given:
-        if found["samples"] < found["batch_size"]:
-            raise ConfigError(
-                f"--samples must be at least the batch size, {found['batch_size']}, not {found['samples']}"
-            )
         found["scale"] = found["samples"] / (max(found["schedule"].values()) * found["batch_size"])
     return Settings(**found)
 
@@ -217,7 +221,10 @@ def keep_settings(settings: Settings, tables: set[str], work: Path, data: Path) 
             continue
         ours = {name: value for name, value in to_mapping(settings).items() if name in names}
         if before[0] is not None:
-            check_same(ours, before[0], work)
+            check_same(ours, before[0], f"{str(work)!r} holds cells", "choose another --work")
+        if before[1] is not None:
+            others = {name: value for name, value in ours.items() if name not in IN_ROWS}
+            check_same(others, before[1], f"{str(data)!r} holds tables", "choose another --page")
         data.mkdir(parents=True, exist_ok=True)
         for path in places:
             with atomic_write(path) as temporary:
@@ -225,13 +232,13 @@ def keep_settings(settings: Settings, tables: set[str], work: Path, data: Path) 
     return settings
 
 
-def check_same(ours: dict[str, Any], theirs: dict[str, Any], work: Path) -> None:
+def check_same(ours: dict[str, Any], theirs: dict[str, Any], where: str, advice: str) -> None:
     """Raise `ConfigError` if settings differ."""
     found = [
         f"{key} {theirs.get(key)!r}, not {value!r}" for key, value in ours.items() if theirs.get(key) != value
     ]
     if found:
-        raise ConfigError(f"{str(work)!r} holds cells with {'; '.join(found)}: choose another --work")
+        raise ConfigError(f"{where} with {'; '.join(found)}: {advice}")
 
 
 def print_list(

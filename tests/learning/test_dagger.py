@@ -388,7 +388,8 @@ def test_rollouts_are_of_one_process(
 ) -> None:
     from artiskill.cli.main import main
 
-    monkeypatch.setenv("WORLD_SIZE", "2")
+    for name, value in (("RANK", "0"), ("WORLD_SIZE", "2")):
+        monkeypatch.setenv(name, value)
     assert main(["train", algorithm, "--task", TASK, "--out", str(tmp_path / "run")]) == 2
     assert f"{algorithm} trains in one process: start it without torchrun" in capsys.readouterr().err
 

@@ -111,6 +111,22 @@ def test_a_command_without_settings_goes_on_with_those_of_the_page(
     assert "Success on 50 new levels" in text
 
 
+def test_tables_of_other_settings_are_not_continued(
+    tool: ModuleType,
+    main: Callable[..., int],
+    called: Callable[[], list[str]],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main("--samples", "1280") == 0
+    called()
+    assert main("--work", str(tmp_path / "other"), "--episodes", "50") == 2
+    assert "holds tables with episodes 100, not 50: choose another --page" in capsys.readouterr().err
+    places = ["--work", str(tmp_path / "other"), "--page", str(tmp_path / "learning.md")]
+    assert tool.main([*places, "--only", "a", "--cells", "a/small-bc/*"]) == 0  # half the steps of its schedule
+    assert called() == []
+
+
 def test_a_table_that_is_not_of_this_script(
     page: Path, main: Callable[..., int], called: Callable[[], list[str]], capsys: pytest.CaptureFixture[str]
 ) -> None:

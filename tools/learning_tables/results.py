@@ -60,7 +60,7 @@ class Measured:
         """The bootstrap's over objects, 95 %, as in reports: of unseen objects in general."""
         from artiskill.evaluation.statistics import counts_interval
 
-        return counts_interval(self.successes, self.episodes)
+        return counts_interval(self.successes, dict(sorted(self.episodes.items())))
 
     def __add__(self, other: "Measured") -> "Measured":
         counts = self.successes + other.successes, self.episodes + other.episodes

@@ -26,7 +26,7 @@ _EPILOG = """examples:
   artiskill train td3bc --task OpenCabinetDrawer --data training/drawers --out runs/drawer-td3bc \\
       --network pointnet_transformer --steps 150000 --precision bfloat16 --set algorithm.alpha=0.2
   artiskill train dagger --task OpenCabinetDrawer --out runs/drawer-dagger
-  artiskill train sac --task OpenCabinetDrawer --objects cabinet-0003 --target link_0 --out runs/one-drawer
+  artiskill train sac --task OpenCabinetDrawer --objects cabinet-0002 --target link_0 --out runs/one-drawer
   torchrun --nproc-per-node 2 -m artiskill train bc ...     # with several GPUs
 
 The same command goes on where a run was stopped; with schedule=constant and more --steps beyond its end.
@@ -188,7 +188,7 @@ def _data(arguments: argparse.Namespace, screen: "_Screen") -> "TrainData | Roll
 
 def _check_alone(algorithm: str) -> None:
     """Raise `UsageError` if `torchrun` has started several processes."""
-    if os.environ.get("WORLD_SIZE", "1") != "1":
+    if "RANK" in os.environ and os.environ.get("WORLD_SIZE", "1") != "1":
         raise UsageError(f"{algorithm} trains in one process: start it without torchrun")
 
 
