@@ -79,7 +79,8 @@ def main(arguments: list[str]) -> int:
     options = make_parser().parse_args(arguments)
     try:
         data = options.page.parent / TABLE.parent
-        settings = make_settings(options, kept_settings(data))
+        kept = kept_settings(data)
+        settings = make_settings(options, kept)
         cells = chosen_cells(options, settings)
         check_cells(cells, settings)
         resources = Resources(options.device, options.precision, options.workers, options.threads)
@@ -88,7 +89,7 @@ def main(arguments: list[str]) -> int:
             return 0
         with locked(options.work) as lock:
             tables = {cell.table for cell in cells}
-            settings = keep_settings(settings, tables, options.work, data)
+            settings = keep_settings(settings, kept, tables, options.work, data)
             queue = Queue(settings, options.work, resources, options.stages, lock)
             return run_all(queue, cells, settings, options, resources)
     except ArtiSkillError as error:
@@ -142,11 +143,14 @@ def make_parser() -> argparse.ArgumentParser:
 
 def kept_settings(data: Path) -> dict[str, Any]:
     """Return the settings that the tables beside a page were made with; none where there are no tables."""
-    paths = [data / f"learning-{part}.json" for part in PARTS]
-    found = {}
-    for path in paths:
-        found |= parse_json(read_bytes(path)) if path.is_file() else {}
+    found: dict[str, Any] = {}
+    for part in PARTS:
+        found |= _read(data / f"learning-{part}.json")
     return found
+
+
+def _read(path: Path) -> dict[str, Any]:
+    return parse_json(read_bytes(path)) if path.is_file() else {}
 
 
 def make_settings(options: argparse.Namespace, kept: Mapping[str, Any]) -> Settings:
@@ -203,8 +207,10 @@ def chosen_cells(options: argparse.Namespace, settings: Settings) -> list[Cell]:
     return cells
 
 
-def keep_settings(settings: Settings, tables: set[str], work: Path, data: Path) -> Settings:
-    """Keep the settings in the work folder, and beside the CSV file.
+def keep_settings(
+    settings: Settings, kept: Mapping[str, Any], tables: set[str], work: Path, data: Path
+) -> Settings:
+    """Keep the settings in the work folder, and beside the CSV file, where those of before are `kept`.
 
     Returns:
         They, with those of before for tables that are not chosen.
@@ -214,17 +220,16 @@ def keep_settings(settings: Settings, tables: set[str], work: Path, data: Path) 
     """
     for part, names in PARTS.items():
         places = work / f"settings-{part}.json", data / f"learning-{part}.json"
-        before = [parse_json(read_bytes(path)) if path.is_file() else None for path in places]
+        of_work, of_page = _read(places[0]), {name: kept[name] for name in names if name in kept}
         if part in (A, B) and part not in tables:
-            theirs = before[0] or before[1]
-            settings = settings if theirs is None else replace(settings, **theirs)
+            settings = replace(settings, **(of_work or of_page))
             continue
         ours = {name: value for name, value in to_mapping(settings).items() if name in names}
-        if before[0] is not None:
-            check_same(ours, before[0], f"{str(work)!r} holds cells", "choose another --work")
-        if before[1] is not None:
+        if of_work:
+            check_same(ours, of_work, f"{str(work)!r} holds cells", "choose another --work")
+        if of_page:
             others = {name: value for name, value in ours.items() if name not in IN_ROWS}
-            check_same(others, before[1], f"{str(data)!r} holds tables", "choose another --page")
+            check_same(others, of_page, f"{str(data)!r} holds tables", "choose another --page")
         data.mkdir(parents=True, exist_ok=True)
         for path in places:
             with atomic_write(path) as temporary:

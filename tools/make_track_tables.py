@@ -24,7 +24,7 @@ from artiskill.gallery.facts import markdown
 from artiskill.jobs.parallel import available_cores
 from artiskill.learning.training_set import is_training_set
 from learning_tables.cells import TASKS
-from learning_tables.markdown import sum_of, write_between
+from learning_tables.markdown import range_text, sum_of, write_between
 from learning_tables.results import Measured, read_measured, read_rows, write_rows
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "generalization.md"
@@ -223,7 +223,7 @@ def _cell(seeds: Sequence[Measured]) -> str:
     rates = [one.rate for one in seeds]
     interval = sum_of(seeds).objects_interval
     spread = f" ± {np.std(rates, ddof=1):.1%}" if len(rates) > 1 else ""
-    bounds = "" if interval is None else f" ({interval[0]:.0%} to {interval[1]:.0%})"
+    bounds = "" if interval is None else f" ({range_text(interval)})"
     return f"{np.mean(rates):.1%}{spread}{bounds}, {len(rates)} seed{'s' * (len(rates) > 1)}"
 
 

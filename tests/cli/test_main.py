@@ -245,7 +245,7 @@ def evaluation(folder: Path, policy: str, workers: int, *arguments: str) -> Iter
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
     try:
-        end = time.perf_counter() + 60
+        end = time.perf_counter() + 50
         while len(list(folder.glob("acts-*"))) < workers and time.perf_counter() < end:
             time.sleep(0.05)
         assert process.poll() is None
@@ -260,15 +260,14 @@ def evaluation(folder: Path, policy: str, workers: int, *arguments: str) -> Iter
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_ctrl_c_is_quiet(tmp_path: Path, workers: int) -> None:
-    arguments = ["--objects", "test", "--episodes", "1000"]
+    arguments = ["--objects", "test", "--episodes", "10000"]  # so many that no progress is printed before
     with evaluation(tmp_path, "    return [0.0] * 13\n", workers, *arguments) as process:
         os.killpg(process.pid, signal.SIGINT)
         start = time.perf_counter()
         shown, error = process.communicate(timeout=60)
     assert time.perf_counter() - start < 5  # one episode at most, not all that were planned
     assert process.returncode == 130
-    assert shown == ""
-    assert not [line for line in error.splitlines() if "/10000 episodes, 0% solved" not in line]  # of before it
+    assert (shown, error) == ("", "")
     assert not processes_of(process.pid)
 
 

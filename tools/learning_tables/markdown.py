@@ -55,7 +55,7 @@ def tasks_table(results: Sequence[Result]) -> str:
         for method in METHODS:
             found = _chosen(results, B, method, task)
             tests = [one.measured["test"] for one in found]
-            objects = _range(sum_of(tests).objects_interval) if tests else MISSING
+            objects = range_text(sum_of(tests).objects_interval) if tests else MISSING
             paper = " / ".join(f"{rate:.0%}" for rate in PAPER_B[method][number]) if method in PAPER_B else ""
             texts = [_rate(found, "train"), _rate(found, "test"), objects, paper]
             rows.append([task, *_names(method), *texts, *_training(found)])
@@ -127,13 +127,13 @@ def _rate(found: Sequence[Result], split: str) -> str:
         return MISSING
     measured = [one.measured[split] for one in found]
     total = sum_of(measured)
-    text = f"{total.rate:.0%} ({_range(total.interval)})"
+    text = f"{total.rate:.0%} ({range_text(total.interval)})"
     if len(measured) == 1:
         return text
     return f"{text} ± {np.std([one.rate for one in measured], ddof=1):.0%}, {len(measured)} seeds"
 
 
-def _range(interval: tuple[float, float] | None) -> str:
+def range_text(interval: tuple[float, float] | None) -> str:
     """Return bounds; nothing where objects that are all alike say nothing about others."""
     if interval is None:
         return ""

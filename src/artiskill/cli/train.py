@@ -113,6 +113,7 @@ def _run_train(arguments: argparse.Namespace) -> None:
 
 def _run_reinforcement(arguments: argparse.Namespace) -> None:
     """Train by reinforcement learning, in the task's environments."""
+    from artiskill.learning.processes import check_alone
     from artiskill.learning.reinforcement_config import load_reinforcement_config
 
     for name in _NOT_REINFORCEMENT:
@@ -120,7 +121,7 @@ def _run_reinforcement(arguments: argparse.Namespace) -> None:
             raise UsageError(f"--{name.replace('_', '-')} is not for {arguments.algorithm}")
     if arguments.device not in ("auto", "cpu"):
         raise UsageError(f"--device is auto or cpu for {arguments.algorithm}, not {arguments.device!r}")
-    _check_alone(arguments.algorithm)
+    check_alone(arguments.algorithm)
     given = {
         "objects": arguments.objects,
         "target": arguments.target,
@@ -182,14 +183,7 @@ def _data(arguments: argparse.Namespace, screen: "_Screen") -> "TrainData | Roll
     for name in ("data", "frame"):
         if getattr(arguments, name) is not None:
             raise UsageError(f"--{name} is of demonstrations; {arguments.algorithm} learns from an expert")
-    _check_alone(arguments.algorithm)
     return RolloutData(workers_of(arguments), screen.show_note)
-
-
-def _check_alone(algorithm: str) -> None:
-    """Raise `UsageError` if `torchrun` has started several processes."""
-    if "RANK" in os.environ and os.environ.get("WORLD_SIZE", "1") != "1":
-        raise UsageError(f"{algorithm} trains in one process: start it without torchrun")
 
 
 def _rollout_overrides(arguments: argparse.Namespace) -> dict[str, Any]:

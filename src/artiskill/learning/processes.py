@@ -61,6 +61,12 @@ class Processes:
             self.any(False)
 
 
+def check_alone(algorithm: str) -> None:
+    """Raise `ConfigError` if `torchrun` has started several processes, among which it cannot share its work."""
+    if _world_size() > 1:
+        raise ConfigError(f"{algorithm} trains in one process: start it without torchrun")
+
+
 @contextmanager
 def joined_processes(device: str) -> Iterator[Processes]:
     """Yield this process among those that `torchrun` started; alone if it did not.
@@ -74,7 +80,7 @@ def joined_processes(device: str) -> Iterator[Processes]:
     """
     if device not in DEVICES:
         raise UnknownNameError("device", device, DEVICES)
-    world_size = int(os.environ.get("WORLD_SIZE", "1")) if "RANK" in os.environ else 1
+    world_size = _world_size()
     if world_size == 1:
         yield Processes(device=_device(device, 0))
         return
@@ -86,6 +92,10 @@ def joined_processes(device: str) -> Iterator[Processes]:
         yield Processes(int(os.environ["RANK"]), world_size, found)
     finally:
         dist.destroy_process_group()
+
+
+def _world_size() -> int:
+    return int(os.environ.get("WORLD_SIZE", "1")) if "RANK" in os.environ else 1
 
 
 def _device(name: str, number: int) -> torch.device:

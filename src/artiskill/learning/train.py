@@ -12,7 +12,7 @@ from artiskill.config import differing, dump_yaml
 from artiskill.errors import ConfigError, DemoError, RunError
 from artiskill.files import LOCK_FILE, lock_folder, output_path
 from artiskill.jobs.parallel import available_cores
-from artiskill.learning.processes import Processes, joined_processes
+from artiskill.learning.processes import Processes, check_alone, joined_processes
 from artiskill.learning.run import CONFIG, INFO, KEPT, SET, RunInfo, read_info, write_info, write_whole
 from artiskill.learning.train_config import TrainConfig, read_train_config
 from artiskill.learning.trainer import Develop, OnStep, SetSource, Source, Trainer, describe_run
@@ -115,10 +115,13 @@ def train(
         RunError: the folder holds a run of other values or data, or of another version, or something else; a loss
             is not finite; the disk is full.
         DemoError: the data are missing, damaged, of another task, or of no point clouds.
-        ConfigError: an illegal value or device, or another process trains in the folder.
+        ConfigError: an illegal value or device, another process trains in the folder, or several processes that
+            `torchrun` has started are to collect rollouts.
         KeyboardInterrupt: a signal came; a checkpoint was saved.
     """
     folder = output_path(folder)
+    if isinstance(data, RolloutData):
+        check_alone(config.name)
     with joined_processes(device) as processes:
         torch.set_num_threads(_thread_count(threads, processes))
         with lock_folder(folder, "training run") if processes.is_first else nullcontext():

@@ -323,10 +323,13 @@ class SetSource:
         """A line if demonstrations begin where evaluations play."""
         levels = self._set.trajectories["level"]
         count = int((levels < FIRST_DEMONSTRATED).sum())
+        if not count:
+            return []
+        where = f"{count} of {len(levels)} demonstrations begin at levels below {FIRST_DEMONSTRATED}"
         return [
-            f"note: {count} of {len(levels)} demonstrations begin at levels below {FIRST_DEMONSTRATED}, where "
-            "evaluations play; a policy that recognises these starts does better there than at others"
-        ] * (count > 0)
+            f"note: {where}, where evaluations play; a policy that recognises these starts does better there than "
+            "at others"
+        ]
 
     def batches(self, trainer: Trainer) -> AbstractContextManager[Iterator[Batch]]:
         """Return the batches of a run from where it stands."""
