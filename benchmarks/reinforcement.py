@@ -1,6 +1,7 @@
 """Where the time of reinforcement learning goes: simulation, updates, the rest, and how near that is to the best.
 
-"Best" is what one core does that simulates and updates alone. Seconds are those of the CPU.
+"Best" is what one core does that simulates and updates alone. Beside it, updates of the same sizes by
+Stable-Baselines3, which has them in torch. Seconds are those of the CPU.
 """
 
 import argparse
@@ -10,6 +11,8 @@ from time import process_time
 from types import SimpleNamespace
 
 import numpy as np
+import stable_baselines3
+import torch
 
 from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.learning import reinforcement
@@ -38,7 +41,7 @@ def simulation_rate(config: ReinforcementConfig, seconds: float) -> float:
     return steps / (process_time() - start)
 
 
-def update_seconds(run: Run, seconds: float) -> float:
+def update_seconds(run: Run | SimpleNamespace, seconds: float) -> float:
     """Seconds of updates for each environment step, with nothing else in between."""
     values, iteration = run.config.values, run.config.envs
     count, start = 0, process_time()
@@ -52,6 +55,20 @@ def update_seconds(run: Run, seconds: float) -> float:
     return (process_time() - start) / count / iteration
 
 
+def torch_update_seconds(run: Run, seconds: float) -> float:
+    """Seconds of Stable-Baselines3's updates for each environment step, with what the run has collected."""
+    values = dict(vars(run.config.values))
+    policy = {"net_arch": list(values.pop("net_arch"))}
+    policy |= {"log_std_init": values.pop("log_std_init")} if "log_std_init" in values else {}
+    kind = {"sac": stable_baselines3.SAC, "ppo": stable_baselines3.PPO}[run.config.name]
+    model = kind("MlpPolicy", run._normal, policy_kwargs=policy, seed=0, device="cpu", **values)
+    for name in ("replay_buffer", "rollout_buffer"):
+        if hasattr(run.model, name):
+            setattr(model, name, getattr(run.model, name))
+    model.set_logger(run.model.logger)
+    return update_seconds(SimpleNamespace(config=run.config, model=model), seconds)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--task", default="OpenCabinetDrawer")
@@ -60,6 +77,7 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=20_000)
     parser.add_argument("--seconds", type=float, default=5.0, help="of what is measured alone")
     options = parser.parse_args()
+    torch.set_num_threads(1)
     reinforcement.time = SimpleNamespace(perf_counter=process_time)  # what other processes do, does not count
     for name in options.algorithms:
         never = {"evaluation.every": 10**9, "checkpoint_every": 10**9, "evaluation.episodes": 1}
@@ -70,13 +88,16 @@ def main() -> None:
             run = reinforce(config, Path(folder))
             spent, total = run.seconds, run.seconds["total"]
             rest = total - spent["simulate"] - spent["update"]
-            best = 1 / (1 / simulation_rate(config, options.seconds) + update_seconds(run, options.seconds))
+            updates = update_seconds(run, options.seconds)
+            best = 1 / (1 / simulation_rate(config, options.seconds) + updates)
+            slower = torch_update_seconds(run, options.seconds) / updates
             rate = run.state.step / total
             shares = ", ".join(
                 f"{what} {part / total:.0%}"
                 for what, part in (("simulation", spent["simulate"]), ("updates", spent["update"]), ("rest", rest))
             )
             print(f"{name}: {rate:.0f} steps/s; {shares}; {rate / best:.0%} of simulating and updating alone")
+            print(f"{name}: updates of Stable-Baselines3 take {slower:.1f} times as long")
 
 
 if __name__ == "__main__":

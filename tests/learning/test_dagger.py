@@ -3,6 +3,7 @@
 
 import csv
 import dataclasses
+import json
 import shutil
 from pathlib import Path
 from typing import Any
@@ -14,10 +15,13 @@ torch = pytest.importorskip("torch")
 
 from tests.learning.clouds import observe
 
+from artiskill.assets.catalog import load_object
+from artiskill.cli.main import main
 from artiskill.config import from_mapping, to_mapping
 from artiskill.errors import ConfigError, UnknownNameError
 from artiskill.evaluation.evaluate import evaluate
 from artiskill.experts.whole_body import Command, Grip, WholeBodyConfig
+from artiskill.exports.export import export_object
 from artiskill.learning.array_policy import ArrayPolicy
 from artiskill.learning.batch import Batch, Sizes, Statistics
 from artiskill.learning.commands import CommandSpace
@@ -28,7 +32,7 @@ from artiskill.learning.networks import make_network
 from artiskill.learning.observation import ObservationArrays
 from artiskill.learning.policy import RunPolicy, export_policy
 from artiskill.learning.rollouts import ROUNDS, Collector, Rollouts, shared_out
-from artiskill.learning.run import LATEST
+from artiskill.learning.run import INFO, LATEST
 from artiskill.learning.train import RolloutData, train
 from artiskill.learning.train_config import algorithm_config, load_train_config
 from artiskill.robots.config import load_robot
@@ -323,6 +327,28 @@ def test_how_often_generated_objects_are_drawn(share: float, kinds: set[str], tm
     assert {name[0] for name in drawn} == kinds
     if share == 0.5:
         assert 3 <= sum(name == "cabinet-0002" for name in drawn) <= 13, "of 16"
+
+
+def test_imported_objects_teach_and_develop(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """They have no name that says what they are: folders are read by whoever needs them."""
+    for name, copied in (("a", "cabinet-0007"), ("b", "cabinet-0003")):
+        export_object(
+            dataclasses.replace(load_object(copied), id=f"own-{name}"),
+            "urdf",
+            tmp_path / name,
+        )
+    values = [f"{key}={value}" for key, value in TINY.items() if not key.endswith("objects")]
+    command = ["train", "dagger", "--task", TASK, "--out", str(tmp_path / "run"), "--workers", "1"]
+    command += ["--objects", "cabinet-0002", str(tmp_path / "a"), "--dev-objects", str(tmp_path / "b")]
+    command += ["--dev-episodes", "1", "--dev-every", "9", "--set", *values]
+    assert main(command) == 0
+    assert json.loads((tmp_path / "run" / INFO).read_text())["objects"] == ["cabinet-0002", "own-a"]
+    assert "own-b" in (tmp_path / "run/development.csv").read_text()
+    other = dataclasses.replace(load_object("cabinet-0003"), id="own-a")
+    export_object(other, "urdf", tmp_path / "a", force=True)
+    capsys.readouterr()
+    assert main(command) == 2
+    assert "run" in capsys.readouterr().err, "of the same name, but another object"
 
 
 def test_a_round_that_is_lost_is_missed(whole: Path, tmp_path: Path) -> None:

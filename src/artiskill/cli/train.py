@@ -137,7 +137,7 @@ def _run_reinforcement(arguments: argparse.Namespace) -> None:
     try:
         from artiskill.learning.reinforcement import reinforce
     except ImportError as error:
-        if (error.name or "").partition(".")[0] != "stable_baselines3":
+        if (error.name or "").partition(".")[0] not in ("stable_baselines3", "sbx", "jax"):
             raise
         raise MissingExtraError(f"training by {arguments.algorithm}", "rl") from error
     screen = _Screen(config)

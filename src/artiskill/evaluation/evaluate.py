@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.demos.demonstrator import FAULTS, fault_text
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
 from artiskill.errors import ConfigError
@@ -294,7 +295,9 @@ def _warm_up(batch: EpisodeBatch) -> None:
     env.step(np.zeros(env.action_space.shape or (), np.float32))
 
 
-def make_develop(config: "TrainConfig", objects: Sequence[str], workers: int, info: "RunInfo") -> "Develop":
+def make_develop(
+    config: "TrainConfig", objects: Sequence[str | ArticulatedObject], workers: int, info: "RunInfo"
+) -> "Develop":
     """Return what measures a checkpoint's success on development objects.
 
     Args:

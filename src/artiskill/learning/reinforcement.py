@@ -1,9 +1,10 @@
 """`reinforce`: a run of reinforcement learning from its first step to its last, or on from where it was stopped.
 
-Stable-Baselines3 has the algorithms. What is ours: the environments, evaluation on new levels, and checkpoints
-from which a run goes on with the same bits. A checkpoint is two files: `latest.pt`, weights and optimizers, and
-beside it `going-on-<step>.pkl`: the replay buffer, the environments and the generators. The second is written
-first; the first names the step, so that a run that is killed in between goes on from the checkpoint before.
+A library has the algorithms (`reinforcement_models.py`). What is ours: the environments, evaluation on new levels,
+and checkpoints from which a run goes on with the same bits. A checkpoint is two files: `latest.pt`, weights and
+optimizers, and beside it `going-on-<step>.pkl`: the replay buffer, the environments and the generators. The second
+is written first; the first names the step, so that a run that is killed in between goes on from the checkpoint
+before.
 """
 
 import hashlib
@@ -19,7 +20,6 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import torch
-from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecNormalize
 
@@ -32,6 +32,7 @@ from artiskill.files import LOCK_FILE, lock_folder, output_path, read_bytes
 from artiskill.learning.checkpoints import Records, TrainState, read_content, write_content
 from artiskill.learning.policy import StatePolicy
 from artiskill.learning.reinforcement_config import ReinforcementConfig, read_reinforcement_config
+from artiskill.learning.reinforcement_models import count_parameters, layers, make_model, pack, unpack, use_threads
 from artiskill.learning.run import BEST, CONFIG, INFO, KEPT, LATEST, RunInfo, read_info, write_info, write_whole
 from artiskill.learning.stopping import StopSignal
 from artiskill.versions import versions
@@ -39,6 +40,8 @@ from artiskill.versions import versions
 OnStep = Callable[[int, str], None]  # steps so far, and the latest numbers as text
 
 _CHECKPOINT_S = 300.0  # besides those every so many steps: what a crash may cost
+_LIBRARIES = ("torch", "jax", "stable_baselines3", "sbx-rl")
+_NOT_LOGGED = ("n_updates", "learning_rate")  # a count; what the configuration says
 _CLIP = 10.0  # of normalised observations
 _BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 _COUNTERS = (
@@ -83,6 +86,7 @@ def reinforce(
     if isinstance(threads, bool) or not isinstance(threads, int) or threads < 1:
         raise ConfigError(f"threads must be a whole number of at least 1, not {threads!r}")
     torch.set_num_threads(threads)
+    use_threads(threads)
     with lock_folder(folder, "training run"):
         try:
             info = _prepare(config, folder)
@@ -110,7 +114,7 @@ def _prepare(config: ReinforcementConfig, folder: Path) -> RunInfo:
         data=hashlib.sha256(hashes.encode()).hexdigest(),
         objects=[object_id_of(one) for one in objects],
         steps=config.steps,
-        versions=versions() | {"torch": version("torch"), "stable_baselines3": version("stable_baselines3")},
+        versions=versions() | {name: version(name) for name in _LIBRARIES},
     )
     is_new = not (folder / INFO).exists()
     if is_new:
@@ -173,7 +177,7 @@ class Run:
         self._normal = VecNormalize(
             as_sb3(self._scaled), norm_obs=config.normalise, norm_reward=False, clip_obs=_CLIP
         )
-        self.model = self._make_model()
+        self.model = make_model(config, self._normal)
         if saved is not None:
             try:
                 self._restore(saved)
@@ -188,10 +192,9 @@ class Run:
         objects = self.info.objects
         named = f"{len(objects)} objects" if len(objects) > 1 else objects[0]
         target = f", {config.target}" if config.target else ""
-        parameters = sum(one.numel() for one in self.model.policy.parameters())
         return [
             f"{config.name}, {config.task}: {named}{target}, from the state",
-            f"{config.envs} environments, {config.steps} steps; {parameters} parameters",
+            f"{config.envs} environments, {config.steps} steps; {count_parameters(self.model)} parameters",
             f"success in {measured.episodes} episodes on new levels every {measured.every} steps chooses the "
             "checkpoint",
         ]
@@ -207,14 +210,6 @@ class Run:
             autoreset_mode="same_step",
             terminate_on_success=ends,
         )
-
-    def _make_model(self) -> Any:
-        values = dict(vars(self.config.values))
-        policy = {"net_arch": list(values.pop("net_arch"))}
-        if "log_std_init" in values:
-            policy["log_std_init"] = values.pop("log_std_init")
-        kind = {"sac": SAC, "ppo": PPO}[self.config.name]
-        return kind("MlpPolicy", self._normal, policy_kwargs=policy, seed=self.config.seed, device="cpu", **values)
 
     # -- the loop ------------------------------------------------------------------------------------------------
 
@@ -275,17 +270,13 @@ class Run:
     @property
     def acting(self) -> dict[str, Any]:
         """What `StatePolicy` needs."""
-        policy = self.model.policy
-        if self.config.name == "sac":
-            parts, last, activation, squash = policy.actor.latent_pi, policy.actor.mu, "relu", "tanh"
-        else:
-            parts, last, activation, squash = policy.mlp_extractor.policy_net, policy.action_net, "tanh", "clip"
-        layers = [one for one in parts if isinstance(one, torch.nn.Linear)] + [last]
+        weights, biases = layers(self.model)
+        activation, squash = ("relu", "tanh") if self.config.name == "sac" else ("tanh", "clip")
         rms: Any = self._normal.obs_rms if self.config.normalise else None
-        size = layers[0].in_features
+        size = weights[0].shape[1]
         return {
-            "weights": [one.weight.detach().clone() for one in layers],
-            "biases": [one.bias.detach().clone() for one in layers],
+            "weights": weights,
+            "biases": biases,
             "activation": activation,
             "squash": squash,
             "mean": torch.zeros(size) if rms is None else torch.from_numpy(rms.mean.copy()),
@@ -300,10 +291,7 @@ class Run:
             OSError: it cannot be written; the one before is as it was.
             RunError: a weight is not finite.
         """
-        for name, value in self.model.policy.state_dict().items():
-            if not value.isfinite().all():
-                raise RunError(f"the weights {name} are not finite after step {self.state.step}")
-        model, buffer = self.model, getattr(self.model, "replay_buffer", None)
+        model, buffer, acting = self.model, getattr(self.model, "replay_buffer", None), self.acting
         going_on = {
             "env": self._scaled.unwrapped,
             "counters": {name: getattr(model, name, None) for name in _COUNTERS},
@@ -317,10 +305,7 @@ class Run:
             going_on["place"] = buffer.pos, buffer.full
         path = self._folder / LATEST
         write_whole(_beside(path, self.state.step), pickle.dumps(going_on, protocol=5))
-        content = {"state": dict(vars(self.state)), "acting": self.acting, "parameters": model.get_parameters()}
-        if getattr(model, "log_ent_coef", None) is not None:
-            content["log_ent_coef"] = model.log_ent_coef.detach().clone()
-        write_content(path, content)
+        write_content(path, {"state": dict(vars(self.state)), "acting": acting, "model": pack(model)})
         for old in path.parent.glob("going-on-*.pkl"):
             if old != _beside(path, self.state.step):
                 old.unlink()
@@ -342,9 +327,7 @@ class Run:
     def _restore(self, saved: dict[str, Any]) -> None:
         """Put the model where the checkpoint was."""
         model = self.model
-        model.set_parameters(saved["parameters"], device="cpu")
-        if "log_ent_coef" in saved:
-            model.log_ent_coef.data.copy_(saved["log_ent_coef"])
+        unpack(model, saved["model"])
         for name, value in saved["counters"].items():
             setattr(model, name, value)
         if saved["normal"] is not None:
@@ -414,8 +397,9 @@ class _Loop(BaseCallback):
             run.seconds[name] += seconds
         state.seconds += spent["total"]
         for name, value in run.model.logger.name_to_value.items():
-            if name.startswith("train/") and name != "train/n_updates" and isinstance(value, float | np.number):
-                self._add(name.removeprefix("train/"), float(value), 1)
+            what = name.removeprefix("train/")
+            if what != name and not what.startswith(_NOT_LOGGED) and isinstance(value, float | np.number):
+                self._add(what, float(value), 1)
         run.model.logger.name_to_value.clear()
         if run.is_due(before, config.log_every):
             self._log()
@@ -434,8 +418,7 @@ class _Loop(BaseCallback):
         state = self._run.state
         means = {name: total / count for name, (total, count) in sorted(state.sums.items())}
         state.sums = {}
-        rate = means.pop("learning_rate", self._run.config.values.learning_rate)
-        self._records.add_means(state, means, rate)
+        self._records.add_means(state, means, self._run.config.values.learning_rate)
         solved = f", {means['success']:.0%} solved in training" if "success" in means else ""
         best = state.best_successes
         measured = f", best {best} of {self._run.config.evaluation.episodes}" if best >= 0 else ""

@@ -18,7 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 
-from artiskill.assets.catalog import object_id_of, resolve_objects
+from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.assets.catalog import is_nameable, object_id_of, resolve_objects
 from artiskill.assets.names import parse_generated
 from artiskill.config import from_mapping, to_mapping
 from artiskill.demos.demonstrator import FAULTS
@@ -96,6 +97,8 @@ class Rollouts:
         found = resolve_objects(list(self.values.objects), task=config.task)
         check_not_measured(found)
         self.objects = [object_id_of(item) for item in found]
+        # names say what catalogue and generated objects are; files may change
+        self._hashes = [item.content_hash for item in found if isinstance(item, ArticulatedObject)]
         if self.values.generated_share is not None and not all(kinds_of(self.objects)):
             raise ConfigError(
                 "algorithm.generated_share is for generated objects beside others; leave it out: null"
@@ -135,7 +138,7 @@ class Rollouts:
             sizes=dict(vars(sizes)),
             statistics={name: np.atleast_1d(one).tolist() for name, one in plain.items()},
             overrides={},
-            data=hashlib.sha256(json.dumps(self.objects).encode()).hexdigest(),
+            data=hashlib.sha256(json.dumps(self.objects + self._hashes).encode()).hexdigest(),
             objects=self.objects,
             steps=values.rounds * values.round_samples,
             versions=versions,
@@ -292,6 +295,13 @@ class _Met(NamedTuple):
     is_good: np.ndarray  # (B,) bool, whether the expert knows what to do
 
 
+def named_objects(ids: Sequence[str], given: Sequence[str], task: str) -> dict[str, str | ArticulatedObject]:
+    """Return what environments take for each of the ids, of the `given` names: imported objects whole."""
+    if all(map(is_nameable, ids)):
+        return {name: name for name in ids}
+    return {object_id_of(item): item for item in resolve_objects(list(given), task=task)}
+
+
 def kinds_of(objects: Sequence[str]) -> tuple[list[str], list[str]]:
     """Return the ids that are not of generated objects, and those that are."""
     kinds: tuple[list[str], list[str]] = ([], [])
@@ -313,10 +323,11 @@ class Collector:
         self._values: DAggerConfig = algorithm_config(config)
         self._actor, self._layout = make_actor(info.commands), info.layout
         self._space = self._actor.space
+        self._objects = named_objects(info.objects, self._values.objects, config.task)
         self._env = ManipulationVectorEnv(
             self._values.envs,
             config.task,
-            objects=info.objects,
+            objects=list(self._objects.values()),
             obs_mode="pointcloud",
             num_threads=1,
             copy=False,
@@ -371,11 +382,11 @@ class Collector:
         self._elapsed[mask] = 0
         options = {"level": self._rng.integers(*_LEVELS, size=len(mask)).tolist(), "reset_mask": mask}
         if self._values.generated_share is not None:
-            options["object"] = [self._drawn(self._values.generated_share) for _ in mask]
+            options["object"] = [self._objects[self._drawn(self._values.generated_share)] for _ in mask]
         self._seen, _ = self._env.reset(options=options)
 
     def _drawn(self, generated_share: float) -> str:
-        """Return a generated object, or one of the others."""
+        """Return the id of a generated object, or of one of the others."""
         names = self._kinds[int(self._rng.random() < generated_share)]
         return names[self._rng.integers(len(names))]
 

@@ -202,8 +202,8 @@ def algorithm_config(config: TrainConfig) -> Any:
     return from_mapping(algorithm_class(config.name).Config, config.algorithm, "algorithm")
 
 
-def check_development(config: TrainConfig) -> list[str]:
-    """Return the ids of the development objects; each is made, to see whether the task can be done with it.
+def check_development(config: TrainConfig) -> list[str | ArticulatedObject]:
+    """Return the development objects, each of which was made, to see whether the task can be done with it.
 
     Raises:
         UnknownNameError, AssetError: an object that does not exist, or that cannot be used.
@@ -213,7 +213,7 @@ def check_development(config: TrainConfig) -> list[str]:
         return []
     found = resolve_objects(list(config.development.objects), task=config.task)
     check_not_measured(found)
-    return [object_id_of(item) for item in found]
+    return list(found)
 
 
 def check_not_measured(objects: Iterable[str | ArticulatedObject]) -> None:
