@@ -23,7 +23,9 @@ SMALL = {
         "many",
     ),
 }
+SMALL["07_train_sac.py"] = ("--envs", "4", "--steps", "4400")
 NEEDS = {"04_train_ppo.py": "stable_baselines3", "05_train_ppo_many.py": "stable_baselines3"}
+NEEDS["07_train_sac.py"] = "torch"
 SERVERS = ("policy_server.py",)  # run until they are stopped, see test_openpi.py
 SAYS = {
     "01_first_steps.py": ("open link_", "reward "),
@@ -32,6 +34,7 @@ SAYS = {
     "04_train_ppo.py": ("0% solved", "wrote episodes.csv, curve.png"),
     "05_train_ppo_many.py": ("4 environments, 10 objects", "saved many"),
     "06_demonstrations.py": ("12 demonstrations of", "solved: True, 1200 points"),
+    "07_train_sac.py": ("% of 100 new levels solved",),
     "solution_example.py": (),
 }
 
