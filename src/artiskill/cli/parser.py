@@ -117,9 +117,9 @@ def add_set(parser: argparse.ArgumentParser, what: str, option: str = "--set") -
     parser.add_argument(option, nargs="+", action="extend", default=[], metavar="KEY=VALUE", help=what)
 
 
-def add_workers(parser: argparse.ArgumentParser) -> None:
-    """Add `--workers`, which `workers_of` reads."""
-    parser.add_argument("--workers", type=int, help="number of processes (default: one per core)")
+def add_workers(parser: argparse.ArgumentParser, note: str = "") -> None:
+    """Add `--workers`, which `workers_of` reads; a note follows its help."""
+    parser.add_argument("--workers", type=int, help=f"number of processes (default: one per core{note})")
 
 
 def add_stored_task(parser: argparse.ArgumentParser) -> None:

@@ -73,7 +73,7 @@ def add_commands(commands: Any) -> None:
     every = "bcq, td3bc, command_bc: 2000; bc: 1000; dagger: 1300; sac: 20000; ppo: 50000"
     add("--dev-every", type=int, metavar="STEPS", help=f"from one measurement to the next (default: {every})")
     add_set(parser, "change values, see config.yaml of a run")
-    add_workers(parser)
+    add_workers(parser, "; sac, ppo: always one")
 
 
 def _run_train(arguments: argparse.Namespace) -> None:

@@ -42,6 +42,7 @@ OnStep = Callable[[int, str], None]  # steps so far, and the latest numbers as t
 
 _CHECKPOINT_S = 300.0  # besides those every so many steps: what a crash may cost
 _POLL_STEPS = 10  # of several processes, between asking one another whether to stop
+_MOST_NAMED = 5  # development objects, in the line about them
 
 
 class Source(Protocol):
@@ -290,7 +291,9 @@ def describe_run(trainer: Trainer, source: Source) -> list[str]:
         device = f"{device} ({torch.get_num_threads()} threads)"
     samples = config.steps * config.batch_size
     wanted = config.development
-    measured = f"success on {', '.join(wanted.objects)} every {wanted.every} steps chooses the checkpoint"
+    few, others = wanted.objects[:_MOST_NAMED], len(wanted.objects[_MOST_NAMED:])
+    named = ", ".join(few) + (f" and {others} others" if others else "")
+    measured = f"success on {named} every {wanted.every} steps chooses the checkpoint"
     return [
         f"{config.name}, {config.task}: {source.text}",
         f"network {config.network.kind}, {trainer.parameters} parameters; {config.steps} steps of "
