@@ -45,7 +45,7 @@ test-viewer: ## drive the viewer in a headless Chromium, in .venv-viewer
 	$(python) -m pytest tests/viewer tests/cli/test_view.py -m "slow or not slow"
 
 test-rl: VENV = .venv-rl
-test-rl: ## run the tests that need torch, TorchRL or Stable-Baselines3, in .venv-rl
+test-rl: ## run the tests that need torch, TorchRL, Stable-Baselines3 or SBX, in .venv-rl
 	$(bootstrap) test-rl
 	$(python) -m pytest tests/envs tests/tasks tests/evaluation -n $(WORKERS) -m "slow or not slow" \
 		-k "sb3 or torch or stable_baselines or example or record_video"

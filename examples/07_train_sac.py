@@ -1,4 +1,4 @@
-"""Learn to open one drawer with soft actor-critic, in one file: nothing but Gymnasium and torch, see the docs."""
+"""Learn to open one drawer with soft actor-critic: one file, Gymnasium and torch, no library of algorithms."""
 
 import argparse
 import copy
@@ -120,7 +120,7 @@ def main() -> None:
     optimizers = [
         torch.optim.Adam(values, lr=RATE) for values in (actor.parameters(), critics.parameters(), [log_alpha])
     ]
-    buffer, scaler = Buffer(arguments.steps, states, actions), Scaler(states)
+    buffer, scaler = Buffer(max(arguments.steps, arguments.envs), states, actions), Scaler(states)
     seen, _ = env.reset(seed=arguments.seed)
     scaler.update(seen)
     rewards, start = [], time.perf_counter()
@@ -138,8 +138,8 @@ def main() -> None:
         seen = following
         scaler.update(seen)
         rewards.append(reward.mean())
-        for _ in range(arguments.envs // 2 if step >= FIRST_STEPS else 0):
-            update(actor, critics, targets, log_alpha, optimizers, [*buffer.sample(rng)], scaler)
+        for _ in range(max(1, arguments.envs // 2) if step >= FIRST_STEPS else 0):
+            update(actor, critics, targets, log_alpha, optimizers, buffer.sample(rng), scaler)
         if step // 10_000 != (step + arguments.envs) // 10_000:
             rate = (step + arguments.envs) / (time.perf_counter() - start)
             print(

@@ -2,7 +2,8 @@
 
 Their hinges lie level, as those of flaps, which no generated cabinet has that policies may train on. Each is a
 generated cabinet with a door, rolled by a quarter turn and held at a height where its doors can be reached. Its
-hinges go no further than a flap's. `cabinets.yaml` lists them, for `artiskill train dagger --objects`.
+hinges go no further than a flap's, but have no spring that holds them shut. `cabinets.yaml` lists them, for
+`artiskill train dagger --objects`.
 """
 
 import argparse
@@ -24,7 +25,7 @@ from artiskill.geometry.rotations import quat_to_matrix
 LIST = "cabinets.yaml"
 SIDES = {"left": 1.0, "right": -1.0}  # the one of its own that it lies on -> sense of the turn about x
 HANDLE_HEIGHT_M = (0.45, 1.15)  # mean of the doors, unless the cabinet stands on the floor and they are higher
-LIMIT_DEG = (75.0, 95.0)  # of hinges
+LIMIT_DEG = (75.0, 95.0)  # of hinges, as `flap_limit_deg` of the generator
 
 
 def main(arguments: list[str]) -> int:
@@ -33,10 +34,11 @@ def main(arguments: list[str]) -> int:
     parser.add_argument(
         "--seeds", default="0..299", help="of generated cabinets, FIRST..LAST (default: %(default)s)"
     )
+    parser.add_argument("--both", action="store_true", help="on either side (default: on the one or the other)")
     parser.add_argument("--out", type=Path, required=True, help="folder")
     options = parser.parse_args(arguments)
     try:
-        names = make_folders(options.seeds, options.out)
+        names = make_folders(options.seeds, options.out, options.both)
     except ArtiSkillError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
@@ -44,8 +46,13 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def make_folders(seeds: str, out: Path) -> list[str]:
-    """Write a folder for each generated cabinet that has doors, on its sides in turn, and the list of them.
+def make_folders(seeds: str, out: Path, both: bool = False) -> list[str]:
+    """Write a folder for each generated cabinet that has doors, and the list of them.
+
+    Args:
+        seeds: FIRST..LAST.
+        out: folder.
+        both: a cabinet lies on either side, a folder each; else on the left and on the right in turn.
 
     Returns:
         Names of the folders, in the order of the list.
@@ -55,10 +62,11 @@ def make_folders(seeds: str, out: Path) -> list[str]:
     """
     names = []
     found = resolve_objects([f"generated:cabinet:{seeds}"], task="OpenCabinetDoor")
-    for item, side in zip(found, itertools.cycle(SIDES)):
-        rolled = roll(load_object(object_id_of(item)), side)
-        names.append(rolled.id)
-        export_object(rolled, "urdf", out / rolled.id)
+    for item, in_turn in zip(found, itertools.cycle(SIDES)):
+        for side in SIDES if both else (in_turn,):
+            rolled = roll(load_object(object_id_of(item)), side)
+            names.append(rolled.id)
+            export_object(rolled, "urdf", out / rolled.id)
     names.sort()
     with atomic_write(out / LIST) as temporary:
         listed = {"objects": [f"./{name}" for name in names], "description": "generated cabinets on their side"}
@@ -69,7 +77,9 @@ def make_folders(seeds: str, out: Path) -> list[str]:
 def roll(cabinet: ArticulatedObject, side: str) -> ArticulatedObject:
     """Return a generated cabinet that lies on its side, without the wall that it may have hung on."""
     seed, sense, half = int(cabinet.id.rpartition("-")[2]), SIDES[side], np.sqrt(0.5)
-    rng = np.random.default_rng([seed, int(sense) + 1])
+    rng = np.random.default_rng([seed, int(sense) + 1])  # another stream for each side
+    assert not cabinet.links[0].position.any(), "the base's frame is the cabinet's"
+    assert not any(link.parent for link in cabinet.links[1:]), "no link's parent is the wall"
     turn = np.array((half, sense * half, 0.0, 0.0))
     matrix = quat_to_matrix(turn)
     corners = np.array(list(itertools.product(*cabinet.bounds.T))) @ matrix.T

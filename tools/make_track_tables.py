@@ -22,6 +22,7 @@ import numpy as np
 from artiskill.errors import ArtiSkillError, ConfigError
 from artiskill.gallery.facts import markdown
 from artiskill.jobs.parallel import available_cores
+from artiskill.learning.train_config import DEVELOPMENT_SEEDS, ROLLOUT_SEEDS
 from artiskill.learning.training_set import is_training_set
 from learning_tables.cells import TASKS
 from learning_tables.markdown import range_text, sum_of, write_between
@@ -42,7 +43,7 @@ CSV_HEAD = ["track", "task", "seed", "split", "object", "episodes", "successes"]
 SAMPLES = ("OpenCabinetDoor", "PushChair", "MoveBucket")  # whose DAgger takes twice the default
 EVEN = ("PushChair", "MoveBucket")  # which plays training objects as often as generated ones
 DOOR = "OpenCabinetDoor"  # whose policies without restrictions train on cabinets on their side, too
-ROLLED = {"train": "0..299", "development": "1000000..1000023"}  # seeds of these
+ROLLED = {"train": "0..299", "development": DEVELOPMENT_SEEDS["cabinet"]}  # seeds of these
 PER_OBJECT = 40  # demonstrations of those that learn from them
 POINTS = 128
 
@@ -109,7 +110,8 @@ def run_all(policies: Sequence[Policy], options: argparse.Namespace) -> bool:
                 call(command, os.environ)
         if any(one.track == "no-restrictions" and one.task == DOOR for one in policies):
             for name, seeds in ROLLED.items():
-                make_folders(seeds, rolled_folder(options.work, name))
+                if not (rolled_folder(options.work, name) / LIST).is_file():  # it is written last
+                    make_folders(seeds, rolled_folder(options.work, name))
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     with ThreadPoolExecutor(options.jobs) as pool:
         done = [pool.submit(run, one, options.work, options.stages, environment) for one in policies]
@@ -164,8 +166,10 @@ def rolled_folder(work: Path, name: str) -> Path:
 def rolled_options(work: Path) -> list[str]:
     """Return the options of training that name all objects for doors, those on their side included."""
     lists = {name: str(rolled_folder(work, name) / LIST) for name in ROLLED}
-    taught = ["--objects", "train", "generated:cabinet:0..599", lists["train"]]
-    return [*taught, "--dev-objects", "generated:cabinet:1000000..1000023", lists["development"]]
+    standing = {"train": ROLLOUT_SEEDS["cabinet"], "development": DEVELOPMENT_SEEDS["cabinet"]}
+    generated = {name: f"generated:cabinet:{seeds}" for name, seeds in standing.items()}
+    taught = ["--objects", "train", generated["train"], lists["train"]]
+    return [*taught, "--dev-objects", generated["development"], lists["development"]]
 
 
 def train_command(policy: Policy, work: Path) -> list[str]:

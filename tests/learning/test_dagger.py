@@ -18,7 +18,7 @@ from tests.learning.clouds import observe
 from artiskill.assets.catalog import load_object
 from artiskill.cli.main import main
 from artiskill.config import from_mapping, to_mapping
-from artiskill.errors import ConfigError, UnknownNameError
+from artiskill.errors import AssetError, ConfigError, RunError, UnknownNameError
 from artiskill.evaluation.evaluate import evaluate
 from artiskill.experts.whole_body import Command, Grip, WholeBodyConfig
 from artiskill.exports.export import export_object
@@ -332,28 +332,41 @@ def test_how_often_generated_objects_are_drawn(share: float, kinds: set[str], tm
 def test_imported_objects_teach_and_develop(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """They have no name that says what they are: folders are read by whoever needs them."""
     for name, copied in (("a", "cabinet-0007"), ("b", "cabinet-0003")):
-        export_object(
-            dataclasses.replace(load_object(copied), id=f"own-{name}"),
-            "urdf",
-            tmp_path / name,
-        )
+        export_object(dataclasses.replace(load_object(copied), id=f"own-{name}"), "urdf", tmp_path / name)
     values = [f"{key}={value}" for key, value in TINY.items() if not key.endswith("objects")]
-    command = ["train", "dagger", "--task", TASK, "--out", str(tmp_path / "run"), "--workers", "1"]
-    command += ["--objects", "cabinet-0002", str(tmp_path / "a"), "--dev-objects", str(tmp_path / "b")]
-    command += ["--dev-episodes", "1", "--dev-every", "9", "--set", *values]
+    command = ["train", "dagger", "--task", TASK, "--out", str(tmp_path / "run"), "--workers", "2"]
+    command += ["--objects", "generated:cabinet:9..12", str(tmp_path / "a"), "--dev-objects", str(tmp_path / "b")]
+    command += ["--dev-episodes", "1", "--dev-every", "9", "--set", *values, "algorithm.generated_share=0.5"]
     assert main(command) == 0
-    assert json.loads((tmp_path / "run" / INFO).read_text())["objects"] == ["cabinet-0002", "own-a"]
+    assert json.loads((tmp_path / "run" / INFO).read_text())["objects"][-1] == "own-a"
     assert "own-b" in (tmp_path / "run/development.csv").read_text()
+    assert main(command) == 0, "nothing is left to do"
     other = dataclasses.replace(load_object("cabinet-0003"), id="own-a")
     export_object(other, "urdf", tmp_path / "a", force=True)
     capsys.readouterr()
     assert main(command) == 2
-    assert "run" in capsys.readouterr().err, "of the same name, but another object"
+    assert "other data" in capsys.readouterr().err, "of the same name, but another object"
+
+
+def test_an_imported_object_is_not_taken_for_its_original(tmp_path: Path) -> None:
+    original = load_object("generated:cabinet:9")
+    heavy = [dataclasses.replace(link, density_kg_m3=3 * link.density_kg_m3) for link in original.links]
+    export_object(dataclasses.replace(original, links=tuple(heavy)), "urdf", tmp_path / "heavy")
+    config = load_train_config("dagger", TASK, overrides=TINY | {"algorithm.objects": [str(tmp_path / "heavy")]})
+    rollouts = Rollouts(config, tmp_path)
+    collector = Collector(config, rollouts.info(config, {}))
+    assert [one.content_hash for one in collector._objects.values()] != [original.content_hash]  # type: ignore[union-attr]
+    changed = dataclasses.replace(rollouts.info(config, {}), data="of other objects")
+    with pytest.raises(RunError, match="has changed since"):
+        Collector(config, changed)
+    same = dataclasses.replace(load_object("cabinet-0007"), id="cabinet-0002")
+    export_object(same, "urdf", tmp_path / "named")
+    config = load_train_config("dagger", TASK, overrides=TINY | {"algorithm.objects": [str(tmp_path / "named")]})
+    with pytest.raises(AssetError, match="another id"):
+        Rollouts(config, tmp_path)
 
 
 def test_a_round_that_is_lost_is_missed(whole: Path, tmp_path: Path) -> None:
-    from artiskill.errors import RunError
-
     run = tmp_path / "run"
     shutil.copytree(whole, run)
     (run / ROUNDS / "0000-1.npz").unlink()

@@ -1,4 +1,5 @@
 """Reinforcement learning: runs, checkpoints, going on, and runs as policies."""
+# ruff: noqa: E402
 
 import os
 import signal
@@ -11,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
-pytest.importorskip("stable_baselines3", reason="needs the extra rl: `make test-rl`")
+torch = pytest.importorskip("torch")
+pytest.importorskip("sbx", reason="needs the extra rl: `make test-rl`")
 
 import artiskill
 from artiskill.cli.main import main
@@ -22,6 +23,7 @@ from artiskill.learning import reinforcement
 from artiskill.learning.checkpoints import read_content
 from artiskill.learning.reinforcement import reinforce
 from artiskill.learning.reinforcement_config import load_reinforcement_config
+from artiskill.learning.reinforcement_models import load_model_state, model_state
 from artiskill.learning.run import BEST, LATEST, load_run
 
 TASK, OBJECT = "OpenCabinetDrawer", "cabinet-0003"
@@ -78,6 +80,58 @@ def test_an_interrupted_run_ends_with_the_same_bits(
     assert equal(weights(tmp_path / "whole"), weights(begun))
     assert (tmp_path / "whole/development.csv").read_bytes() == (begun / "development.csv").read_bytes()
     assert len(list((begun / "checkpoints").glob("going-on-*.pkl"))) == 1
+
+
+SCRIPT = """
+import os, sys, jax
+from pathlib import Path
+os.sched_setaffinity(0, range(int(sys.argv[1])))
+from tests.learning.test_reinforcement import reinforce, tiny, weights
+for name in ("sac", "ppo"):
+    out = Path(sys.argv[2]) / name
+    reinforce(tiny(name, **{"algorithm.net_arch": [256, 256], "algorithm.batch_size": 256, "steps": 300}), out)
+    print(name, [float(one.sum()) for one in weights(out).values()])
+print(jax.default_backend())
+"""
+
+
+def test_bits_do_not_depend_on_how_many_cores_there_are(tmp_path: Path) -> None:
+    found = []
+    for cores in ("1", "2"):
+        command = [sys.executable, "-c", SCRIPT, cores, str(tmp_path / cores)]
+        environment = {name: value for name, value in os.environ.items() if name != "NPROC"}
+        done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+        assert done.returncode == 0, done.stderr
+        found.append(done.stdout)
+    assert found[0] == found[1]
+    assert found[0].endswith("cpu\n")
+
+
+@pytest.mark.parametrize("name", ["sac", "ppo"])
+def test_a_model_goes_back_to_where_it_was(name: str, tmp_path: Path) -> None:
+    run = reinforce(tiny(name, steps=200), tmp_path / "run")
+    before = model_state(run.model)
+    run.model.learn(200, reset_num_timesteps=False)
+    moved = model_state(run.model)
+    assert any(not torch.equal(a, b) for part in before for a, b in zip(before[part], moved[part], strict=True))
+    load_model_state(run.model, before)
+    back = model_state(run.model)
+    assert all(torch.equal(a, b) for part in before for a, b in zip(before[part], back[part], strict=True))
+    with pytest.raises((LookupError, ValueError)):
+        load_model_state(run.model, {part: values[1:] for part, values in before.items()})
+    with pytest.raises(ConfigError, match="another process"):
+        reinforce(tiny(name), tmp_path / "other", threads=2)
+
+
+def test_numbers_that_are_not_finite_are_not_saved(tmp_path: Path) -> None:
+    run = reinforce(tiny("sac", steps=200, **{"algorithm.ent_coef": 0}), tmp_path / "run")
+    files = sorted((tmp_path / "run/checkpoints").iterdir())
+    broken = model_state(run.model)
+    broken["qf_state"] = [one * float("nan") if one.is_floating_point() else one for one in broken["qf_state"]]
+    load_model_state(run.model, broken)
+    with pytest.raises(RunError, match="not finite"):
+        run.save()
+    assert sorted((tmp_path / "run/checkpoints").iterdir()) == files
 
 
 def test_the_policy_acts_as_the_library_does(tmp_path: Path) -> None:
@@ -162,6 +216,7 @@ def test_damaged_and_foreign_folders_are_refused(tmp_path: Path) -> None:
     [
         ({"algorithm.gamma": 2}, "gamma"),
         ({"algorithm.ent_coef": "automatic"}, "ent_coef"),
+        ({"algorithm.ent_coef": -0.1}, "ent_coef"),
         ({"envs": 0}, "num_envs"),
         ({"objects": []}, "objects"),
         ({"reward_scale": 0}, "reward_scale"),

@@ -12,7 +12,7 @@ from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.experts.registry import make_expert
 from artiskill.geometry.rotations import quat_to_matrix
 
-SEEDS = "3000003..3000009"  # four of these have doors
+SEEDS = "3000003..3000009"  # five of these have doors
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +75,14 @@ def test_the_expert_opens_one(rolled: tuple[ArticulatedObject, ...]) -> None:
         if solved or over:
             break
     assert solved
+
+
+def test_both_sides(load_tool: LoadTool, tmp_path: Path) -> None:
+    tool = load_tool("make_rolled_cabinets")
+    for _ in range(2):  # the second time, over what is there
+        assert tool.main(["--seeds", "3000003..3000004", "--both", "--out", str(tmp_path)]) == 0
+    found = [one.id.removeprefix("rolled-cabinet-") for one in resolve_objects([str(tmp_path / tool.LIST)])]  # type: ignore[union-attr]
+    assert found == ["3000003-left", "3000003-right", "3000004-left", "3000004-right"]
 
 
 def test_illegal_seeds(load_tool: LoadTool, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -31,6 +31,7 @@ def commands(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
         return "PushChair" not in command
 
     monkeypatch.setattr(script, "call", call)
+    monkeypatch.setattr(script, "ROLLED", {"train": "4..4", "development": "1000002..1000002"})
     return called
 
 
@@ -56,6 +57,8 @@ def test_seeds_are_averaged_and_nothing_is_done_twice(tmp_path: Path, commands: 
     assert len(table) == 1 + 2 * 2 * 2 * 2
     assert "no-restrictions,OpenCabinetDrawer,1,test,two,50,40" in table
 
+    cabinets = [list((tmp_path / "work/rolled" / name).glob("rolled-*")) for name in ("train", "development")]
+    assert [len(found) for found in cabinets] == [1, 1]
     commands.clear()
     assert run(tmp_path, *options) == 0
     shutil.rmtree(tmp_path / "work")  # the CSV file knows
@@ -95,6 +98,12 @@ def test_commands_of_the_tracks() -> None:
         "PushChair": (True, True),
         "MoveBucket": (True, True),
     }
+    door = " ".join(train_command(Policy("no-restrictions", "OpenCabinetDoor", 0), work))
+    assert (
+        "--objects train generated:cabinet:0..599 w/rolled/train/cabinets.yaml "
+        "--dev-objects generated:cabinet:1000000..1000023 w/rolled/development/cabinets.yaml "
+    ) in door
+    assert "rolled" not in " ".join(train_command(Policy("interactive-expert", "OpenCabinetDoor", 0), work))
     imitator = Policy("no-interactions", "PushChair", 0)
     assert "--data w/sets/PushChair" in " ".join(train_command(imitator, work))
     assert " ".join(evaluate_command(student, "ood", work)) == (

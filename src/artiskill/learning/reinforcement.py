@@ -32,7 +32,14 @@ from artiskill.files import LOCK_FILE, lock_folder, output_path, read_bytes
 from artiskill.learning.checkpoints import Records, TrainState, read_content, write_content
 from artiskill.learning.policy import StatePolicy
 from artiskill.learning.reinforcement_config import ReinforcementConfig, read_reinforcement_config
-from artiskill.learning.reinforcement_models import count_parameters, layers, make_model, pack, unpack, use_threads
+from artiskill.learning.reinforcement_models import (
+    actor_layers,
+    count_parameters,
+    load_model_state,
+    make_model,
+    model_state,
+    use_threads,
+)
 from artiskill.learning.run import BEST, CONFIG, INFO, KEPT, LATEST, RunInfo, read_info, write_info, write_whole
 from artiskill.learning.stopping import StopSignal
 from artiskill.versions import versions
@@ -40,8 +47,8 @@ from artiskill.versions import versions
 OnStep = Callable[[int, str], None]  # steps so far, and the latest numbers as text
 
 _CHECKPOINT_S = 300.0  # besides those every so many steps: what a crash may cost
-_LIBRARIES = ("torch", "jax", "stable_baselines3", "sbx-rl")
-_NOT_LOGGED = ("n_updates", "learning_rate")  # a count; what the configuration says
+_LIBRARIES = ("torch", "stable_baselines3", "sbx-rl", "jax", "jaxlib", "flax", "optax", "tfp-nightly")
+_NOT_LOGGED = ("n_updates", "learning_rate", "ent_coef_loss")  # a count; configured; not finite of a constant
 _CLIP = 10.0  # of normalised observations
 _BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 _COUNTERS = (
@@ -160,7 +167,7 @@ class Run:
 
     Attributes:
         state: where the run stands.
-        model: Stable-Baselines3's.
+        model: SBX's.
         seconds: name -> spent by this process in `simulate`, `update` and `total`, without evaluation and saving.
 
     Raises:
@@ -270,7 +277,7 @@ class Run:
     @property
     def acting(self) -> dict[str, Any]:
         """What `StatePolicy` needs."""
-        weights, biases = layers(self.model)
+        weights, biases = actor_layers(self.model)
         activation, squash = ("relu", "tanh") if self.config.name == "sac" else ("tanh", "clip")
         rms: Any = self._normal.obs_rms if self.config.normalise else None
         size = weights[0].shape[1]
@@ -291,7 +298,8 @@ class Run:
             OSError: it cannot be written; the one before is as it was.
             RunError: a weight is not finite.
         """
-        model, buffer, acting = self.model, getattr(self.model, "replay_buffer", None), self.acting
+        model, buffer = self.model, getattr(self.model, "replay_buffer", None)
+        learned, acting = model_state(model), self.acting  # first: nothing is written where numbers are not finite
         going_on = {
             "env": self._scaled.unwrapped,
             "counters": {name: getattr(model, name, None) for name in _COUNTERS},
@@ -305,7 +313,7 @@ class Run:
             going_on["place"] = buffer.pos, buffer.full
         path = self._folder / LATEST
         write_whole(_beside(path, self.state.step), pickle.dumps(going_on, protocol=5))
-        write_content(path, {"state": dict(vars(self.state)), "acting": acting, "model": pack(model)})
+        write_content(path, {"state": dict(vars(self.state)), "acting": acting, "model": learned})
         for old in path.parent.glob("going-on-*.pkl"):
             if old != _beside(path, self.state.step):
                 old.unlink()
@@ -314,6 +322,8 @@ class Run:
     def _read(self) -> dict[str, Any]:
         path = self._folder / LATEST
         content = read_content(path)
+        if "model" not in content:
+            raise RunError(f"{str(path)!r} was trained by torch, before SBX: train anew, in another folder")
         try:
             self.state = TrainState(**content["state"])
             beside = _beside(path, self.state.step)
@@ -327,7 +337,7 @@ class Run:
     def _restore(self, saved: dict[str, Any]) -> None:
         """Put the model where the checkpoint was."""
         model = self.model
-        unpack(model, saved["model"])
+        load_model_state(model, saved["model"])
         for name, value in saved["counters"].items():
             setattr(model, name, value)
         if saved["normal"] is not None:

@@ -47,6 +47,8 @@ class SACConfig:
         check_positive(self, "learning_rate", "batch_size", "buffer_size", "gradient_steps", "tau")
         check_not_negative(self, "learning_starts")
         _check_shared(self.gamma, self.net_arch)
+        if not isinstance(self.ent_coef, str):
+            check_not_negative(self, "ent_coef")
         for name in ("ent_coef", "target_entropy"):
             given = getattr(self, name)
             legal = not isinstance(given, str) or given == "auto" or _is_begun(name, given)
@@ -76,7 +78,6 @@ class PPOConfig:
     clip_range: float
     ent_coef: float
     max_grad_norm: float
-    target_kl: float | None
     log_std_init: float
 
     def __post_init__(self) -> None:
@@ -85,6 +86,7 @@ class PPOConfig:
         )
         check_not_negative(self, "ent_coef")
         check_value(self, "n_steps", self.n_steps > 1, "must be at least 2")
+        check_value(self, "batch_size", self.batch_size > 1, "must be at least 2")
         _check_shared(self.gamma, self.net_arch)
 
 

@@ -1,7 +1,8 @@
 """Models of reinforcement learning: what SBX trains, Stable-Baselines3's JAX sibling, and what is kept of them.
 
-SBX has the algorithms and the interface of Stable-Baselines3. On one core its SAC makes updates 2.3 times as fast
-(`docs/reinforcement_learning.md`).
+SBX has the algorithms, names and interface of Stable-Baselines3, and is faster on a CPU
+(`benchmarks/reinforcement.py`). Its PPO differs: actor and critic have optimizers of their own, each with its own
+limit on gradients.
 """
 
 import os
@@ -13,21 +14,27 @@ import numpy as np
 import torch
 from sbx import PPO, SAC
 
-from artiskill.errors import RunError
+from artiskill.errors import ConfigError, RunError
 from artiskill.learning.reinforcement_config import ReinforcementConfig
 
 _KINDS = {"sac": SAC, "ppo": PPO}
 _STATES = {"sac": ("actor_state", "qf_state"), "ppo": ("actor_state", "vf_state")}  # of the policy
 _OF_POLICY = ("log_std_init",)  # values that the policy takes, not the algorithm
-_ONE_THREAD = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
+_threads: int | None = None  # of this process: JAX takes the number once, when it begins
 
 
 def use_threads(count: int) -> None:
-    """Let JAX use so many threads of the CPU: one, or as many as it likes. Later calls in a process do nothing."""
-    os.environ.setdefault("JAX_PLATFORMS", "cpu")
-    flags = os.environ.get("XLA_FLAGS", "")
-    if count == 1 and _ONE_THREAD not in flags:
-        os.environ["XLA_FLAGS"] = f"{flags} {_ONE_THREAD}".strip()
+    """Let JAX compute on so many threads of the CPU, and on no GPU. The number changes the last bits of sums.
+
+    Raises:
+        ConfigError: this process has begun with another number.
+    """
+    global _threads
+    if _threads not in (None, count):
+        raise ConfigError(f"this process trains with {_threads} threads: for {count}, begin another process")
+    os.environ["NPROC"] = str(count)  # by default all cores, so bits would depend on the machine
+    jax.config.update("jax_platforms", "cpu")
+    _threads = count
 
 
 def make_model(config: ReinforcementConfig, env: Any) -> Any:
@@ -36,17 +43,19 @@ def make_model(config: ReinforcementConfig, env: Any) -> Any:
     policy: dict[str, Any] = {"net_arch": list(values.pop("net_arch"))}
     policy |= {name: values.pop(name) for name in _OF_POLICY if name in values}
     if config.name == "ppo":
-        policy["ortho_init"] = True
+        policy["ortho_init"] = True  # first actions are near 0, as Stable-Baselines3 has it
+    if not isinstance(values["ent_coef"], str):
+        values["ent_coef"] = float(values["ent_coef"])  # SBX takes no whole number
     return _KINDS[config.name]("MlpPolicy", env, policy_kwargs=policy, seed=config.seed, **values)
 
 
 def count_parameters(model: Any) -> int:
     """Return how many weights a model's policy and critics have."""
-    states = (getattr(model.policy, name) for name in _names(model))
+    states = (getattr(model.policy, name) for name in _state_names(model))
     return sum(leaf.size for state in states for leaf in jax.tree.leaves(state.params))
 
 
-def layers(model: Any) -> tuple[list[torch.Tensor], list[torch.Tensor]]:
+def actor_layers(model: Any) -> tuple[list[torch.Tensor], list[torch.Tensor]]:
     """Return weights (out, in) and biases of the layers that lead from observations to mean actions."""
     parameters = model.policy.actor_state.params["params"]
     count = sum(name.startswith("Dense_") for name in parameters) - ("log_std" not in parameters)  # SAC's own
@@ -58,8 +67,8 @@ def layers(model: Any) -> tuple[list[torch.Tensor], list[torch.Tensor]]:
     return found
 
 
-def pack(model: Any) -> dict[str, list[torch.Tensor]]:
-    """Return all that a model has learned, its optimizers and its generators' keys, as `unpack` takes it.
+def model_state(model: Any) -> dict[str, list[torch.Tensor]]:
+    """Return all that a model has learned, its optimizers and its generators' keys: see `load_model_state`.
 
     Raises:
         RunError: a number is not finite.
@@ -71,8 +80,8 @@ def pack(model: Any) -> dict[str, list[torch.Tensor]]:
     return found
 
 
-def unpack(model: Any, packed: Mapping[str, Sequence[torch.Tensor]]) -> None:
-    """Put a model where it was when it was packed.
+def load_model_state(model: Any, state: Mapping[str, Sequence[torch.Tensor]]) -> None:
+    """Put a model where it was.
 
     Raises:
         LookupError, ValueError: it was another model.
@@ -82,22 +91,22 @@ def unpack(model: Any, packed: Mapping[str, Sequence[torch.Tensor]]) -> None:
         leaves, shape = jax.tree.flatten(tree)
         values = [
             jax.numpy.asarray(value.numpy().reshape(np.shape(leaf)), dtype=jax.numpy.asarray(leaf).dtype)
-            for leaf, value in zip(leaves, packed[name], strict=True)
+            for leaf, value in zip(leaves, state[name], strict=True)
         ]
         trees[name] = jax.tree.unflatten(shape, values)
-    for name in _names(model):
+    for name in _state_names(model):
         setattr(model.policy, name, trees[name])
     model.key, model.policy.key, model.policy.noise_key = trees["keys"]
     if "ent_coef_state" in trees:
         model.ent_coef_state = trees["ent_coef_state"]
 
 
-def _names(model: Any) -> tuple[str, ...]:
+def _state_names(model: Any) -> tuple[str, ...]:
     return next(_STATES[name] for name, kind in _KINDS.items() if isinstance(model, kind))
 
 
 def _trees(model: Any) -> dict[str, Any]:
-    found = {name: getattr(model.policy, name) for name in _names(model)}
+    found = {name: getattr(model.policy, name) for name in _state_names(model)}
     found["keys"] = [model.key, model.policy.key, model.policy.noise_key]
     if hasattr(model, "ent_coef_state"):
         found["ent_coef_state"] = model.ent_coef_state

@@ -7,7 +7,7 @@ processes. The rounds' files, in the run's folder, and its checkpoints are all t
 import hashlib
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -19,8 +19,8 @@ import numpy as np
 import torch
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.catalog import is_nameable, object_id_of, resolve_objects
-from artiskill.assets.names import parse_generated
+from artiskill.assets.catalog import checked_hash, object_id_of, resolve_objects
+from artiskill.assets.names import is_path, is_split_file, parse_generated, partnet_id
 from artiskill.config import from_mapping, to_mapping
 from artiskill.demos.demonstrator import FAULTS
 from artiskill.envs.control import JOINT
@@ -97,8 +97,7 @@ class Rollouts:
         found = resolve_objects(list(self.values.objects), task=config.task)
         check_not_measured(found)
         self.objects = [object_id_of(item) for item in found]
-        # names say what catalogue and generated objects are; files may change
-        self._hashes = [item.content_hash for item in found if isinstance(item, ArticulatedObject)]
+        self._hash = hash_of(found)
         if self.values.generated_share is not None and not all(kinds_of(self.objects)):
             raise ConfigError(
                 "algorithm.generated_share is for generated objects beside others; leave it out: null"
@@ -138,7 +137,7 @@ class Rollouts:
             sizes=dict(vars(sizes)),
             statistics={name: np.atleast_1d(one).tolist() for name, one in plain.items()},
             overrides={},
-            data=hashlib.sha256(json.dumps(self.objects + self._hashes).encode()).hexdigest(),
+            data=self._hash,
             objects=self.objects,
             steps=values.rounds * values.round_samples,
             versions=versions,
@@ -295,11 +294,24 @@ class _Met(NamedTuple):
     is_good: np.ndarray  # (B,) bool, whether the expert knows what to do
 
 
-def named_objects(ids: Sequence[str], given: Sequence[str], task: str) -> dict[str, str | ArticulatedObject]:
-    """Return what environments take for each of the ids, of the `given` names: imported objects whole."""
-    if all(map(is_nameable, ids)):
-        return {name: name for name in ids}
-    return {object_id_of(item): item for item in resolve_objects(list(given), task=task)}
+def objects_by_id(ids: Sequence[str], given: Sequence[str], task: str) -> dict[str, str | ArticulatedObject]:
+    """Return what environments take for each id of the `given` names: whole objects of imported ones, else ids."""
+    imported = [name for name in given if is_path(name) or is_split_file(name) or partnet_id(name) is not None]
+    found = resolve_objects(imported, task=task) if imported else ()
+    whole = {one.id: one for one in found if isinstance(one, ArticulatedObject)}
+    return {name: whole.get(name, name) for name in ids}
+
+
+def hash_of(items: Iterable[str | ArticulatedObject]) -> str:
+    """Return a digest of objects: of catalogue and generated ones, whose names say what they are, the ids.
+
+    Raises:
+        AssetError: an imported object has the id of another one of the catalogue.
+    """
+    items = list(items)
+    parts = [object_id_of(one) for one in items]
+    parts += [checked_hash(one) for one in items if isinstance(one, ArticulatedObject)]
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
 
 def kinds_of(objects: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -323,7 +335,9 @@ class Collector:
         self._values: DAggerConfig = algorithm_config(config)
         self._actor, self._layout = make_actor(info.commands), info.layout
         self._space = self._actor.space
-        self._objects = named_objects(info.objects, self._values.objects, config.task)
+        self._objects = objects_by_id(info.objects, self._values.objects, config.task)
+        if hash_of(self._objects.values()) != info.data:
+            raise RunError("an object has changed since the run began: train anew, in another folder")
         self._env = ManipulationVectorEnv(
             self._values.envs,
             config.task,

@@ -45,7 +45,7 @@ MEASURED_SPLITS = ("test", "ood")  # what results are about: nothing is chosen b
 _FOLDER = CONFIG_DIR / "learning"
 _SHARED = "train.yaml"
 # seeds of generated objects, far from those that people train on; of these cabinets 10 have drawers and 17 doors
-_DEVELOPMENT_SEEDS = {"cabinet": "1000000..1000023", "chair": "1000000..1000011", "bucket": "1000000..1000011"}
+DEVELOPMENT_SEEDS = {"cabinet": "1000000..1000023", "chair": "1000000..1000011", "bucket": "1000000..1000011"}
 # how DAgger shares points out among a task's masks and the points in none, by task, else by category
 _SHARES: Mapping[str, tuple[int, ...]] = {
     "OpenCabinetDoor": (2, 5, 0, 1),
@@ -55,7 +55,7 @@ _SHARES: Mapping[str, tuple[int, ...]] = {
 }
 _MOST_STEPS = 10**9
 _MOST_NAMED = 5  # differences
-_ROLLOUT_SEEDS = {"cabinet": "0..599", "chair": "0..199", "bucket": "0..199"}
+ROLLOUT_SEEDS = {"cabinet": "0..599", "chair": "0..199", "bucket": "0..199"}
 # what experts do otherwise when they teach, by category. How far a joint goes is not seen, so a student that stops
 # where the expert would may stop too early: it goes on, and the joint's limit stops it. And a student that has
 # rolled its hand the wrong way takes the grasp that is nearest then
@@ -155,7 +155,7 @@ def load_train_config(
     values = merge_overrides(load_yaml(_FOLDER / _SHARED), load_yaml(_FOLDER / f"{name}.yaml"))
     values |= {"task": task, "name": name, "network": to_mapping(load_network_config(network))}
     if values["development"]["objects"] is None:
-        values["development"]["objects"] = (f"generated:{spec.category}:{_DEVELOPMENT_SEEDS[spec.category]}",)
+        values["development"]["objects"] = (f"generated:{spec.category}:{DEVELOPMENT_SEEDS[spec.category]}",)
     seen = values["network"]["input"]
     seen["origin"] = seen["body"] and spec.category in _AT_ORIGIN
     if name == "command_bc":  # velocities tell the demonstrations' last action, which a policy then copies
@@ -203,7 +203,7 @@ def algorithm_config(config: TrainConfig) -> Any:
 
 
 def check_development(config: TrainConfig) -> list[str | ArticulatedObject]:
-    """Return the development objects, each of which was made, to see whether the task can be done with it.
+    """Return the development objects.
 
     Raises:
         UnknownNameError, AssetError: an object that does not exist, or that cannot be used.
@@ -227,7 +227,7 @@ def check_not_measured(objects: Iterable[str | ArticulatedObject]) -> None:
 def _fill_rollouts(algorithm: dict[str, Any], task: str, category: str) -> None:
     """Fill in what depends on the task: objects, expert, shares of points."""
     if algorithm["objects"] is None:
-        algorithm["objects"] = ("train", f"generated:{category}:{_ROLLOUT_SEEDS[category]}")
+        algorithm["objects"] = ("train", f"generated:{category}:{ROLLOUT_SEEDS[category]}")
     if algorithm["expert"] is None:
         algorithm["expert"] = dict(_TEACHING.get(category, {}))
     if algorithm["shares"] is None:
