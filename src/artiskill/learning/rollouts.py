@@ -4,10 +4,8 @@ Seed, round and collector fix a rollout, given the weights of the policy; so it 
 processes. The rounds' files, in the run's folder, and its checkpoints are all that going on needs.
 """
 
-import hashlib
-import json
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -18,9 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 
-from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.catalog import checked_hash, object_id_of, resolve_objects
-from artiskill.assets.names import is_path, is_split_file, parse_generated, partnet_id
+from artiskill.assets.catalog import object_id_of, resolve_objects
 from artiskill.config import from_mapping, to_mapping
 from artiskill.demos.demonstrator import FAULTS
 from artiskill.envs.control import JOINT
@@ -40,7 +36,15 @@ from artiskill.learning.commands import CommandSpace, command_space, commanding_
 from artiskill.learning.dagger import DAggerConfig
 from artiskill.learning.policy import one_thread
 from artiskill.learning.run import RunInfo, Table, read_info
-from artiskill.learning.train_config import TrainConfig, algorithm_config, check_not_measured, read_train_config
+from artiskill.learning.train_config import (
+    TrainConfig,
+    algorithm_config,
+    check_not_measured,
+    hash_of,
+    kinds_of,
+    objects_by_id,
+    read_train_config,
+)
 from artiskill.learning.trainer import Trainer
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Task, robot_fields
@@ -292,34 +296,6 @@ class _Met(NamedTuple):
     records: np.ndarray  # (B,)
     labels: np.ndarray  # (B, V)
     is_good: np.ndarray  # (B,) bool, whether the expert knows what to do
-
-
-def objects_by_id(ids: Sequence[str], given: Sequence[str], task: str) -> dict[str, str | ArticulatedObject]:
-    """Return what environments take for each id of the `given` names: whole objects of imported ones, else ids."""
-    imported = [name for name in given if is_path(name) or is_split_file(name) or partnet_id(name) is not None]
-    found = resolve_objects(imported, task=task) if imported else ()
-    whole = {one.id: one for one in found if isinstance(one, ArticulatedObject)}
-    return {name: whole.get(name, name) for name in ids}
-
-
-def hash_of(items: Iterable[str | ArticulatedObject]) -> str:
-    """Return a digest of objects: of catalogue and generated ones, whose names say what they are, the ids.
-
-    Raises:
-        AssetError: an imported object has the id of another one of the catalogue.
-    """
-    items = list(items)
-    parts = [object_id_of(one) for one in items]
-    parts += [checked_hash(one) for one in items if isinstance(one, ArticulatedObject)]
-    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
-
-
-def kinds_of(objects: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Return the ids that are not of generated objects, and those that are."""
-    kinds: tuple[list[str], list[str]] = ([], [])
-    for name in objects:
-        kinds[parse_generated(name) is not None].append(name)
-    return kinds
 
 
 class Collector:

@@ -4,14 +4,17 @@ Importing this imports no torch. Which values an algorithm has says its own file
 here they are a mapping.
 """
 
-from collections.abc import Iterable, Mapping
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.catalog import object_id_of, read_catalog, resolve_objects
+from artiskill.assets.catalog import checked_hash, object_id_of, read_catalog, resolve_objects
+from artiskill.assets.names import is_path, is_split_file, parse_generated, partnet_id
 from artiskill.config import (
     CONFIG_DIR,
     check,
@@ -222,6 +225,34 @@ def check_not_measured(objects: Iterable[str | ArticulatedObject]) -> None:
     for name in map(object_id_of, objects):
         if name in catalog and catalog[name][1].split in MEASURED_SPLITS:
             raise ConfigError(_refusal(f"{name!r} is of {catalog[name][1].split!r}"))
+
+
+def objects_by_id(ids: Sequence[str], given: Sequence[str], task: str) -> dict[str, str | ArticulatedObject]:
+    """Return what environments take for each id of the `given` names: whole objects of imported ones, else ids."""
+    imported = [name for name in given if is_path(name) or is_split_file(name) or partnet_id(name) is not None]
+    found = resolve_objects(imported, task=task) if imported else ()
+    whole = {one.id: one for one in found if isinstance(one, ArticulatedObject)}
+    return {name: whole.get(name, name) for name in ids}
+
+
+def hash_of(items: Iterable[str | ArticulatedObject]) -> str:
+    """Return a digest of objects: of catalogue and generated ones, whose names say what they are, the ids.
+
+    Raises:
+        AssetError: an imported object has the id of another one of the catalogue.
+    """
+    items = list(items)
+    parts = [object_id_of(one) for one in items]
+    parts += [checked_hash(one) for one in items if isinstance(one, ArticulatedObject)]
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+
+
+def kinds_of(objects: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the ids that are not of generated objects, and those that are."""
+    kinds: tuple[list[str], list[str]] = ([], [])
+    for name in objects:
+        kinds[parse_generated(name) is not None].append(name)
+    return kinds
 
 
 def _fill_rollouts(algorithm: dict[str, Any], task: str, category: str) -> None:
