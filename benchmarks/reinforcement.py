@@ -18,6 +18,7 @@ from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.learning import reinforcement
 from artiskill.learning.reinforcement import Run, reinforce
 from artiskill.learning.reinforcement_config import ReinforcementConfig, load_reinforcement_config
+from artiskill.learning.reinforcement_models import make_model
 
 
 def simulation_rate(config: ReinforcementConfig, seconds: float) -> float:
@@ -57,11 +58,7 @@ def update_seconds(run: Run | SimpleNamespace, seconds: float) -> float:
 
 def torch_update_seconds(run: Run, seconds: float) -> float:
     """Seconds of Stable-Baselines3's updates for each environment step, with what the run has collected."""
-    values = dict(vars(run.config.values))
-    policy = {"net_arch": list(values.pop("net_arch"))}
-    policy |= {"log_std_init": values.pop("log_std_init")} if "log_std_init" in values else {}
-    kind = {"sac": stable_baselines3.SAC, "ppo": stable_baselines3.PPO}[run.config.name]
-    model = kind("MlpPolicy", run._normal, policy_kwargs=policy, seed=0, device="cpu", **values)
+    model = make_model(run.config, run._normal, {"sac": stable_baselines3.SAC, "ppo": stable_baselines3.PPO})
     for name in ("replay_buffer", "rollout_buffer"):
         if hasattr(run.model, name):
             setattr(model, name, getattr(run.model, name))

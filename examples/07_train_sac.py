@@ -71,16 +71,22 @@ def act(actor: nn.Module, seen: torch.Tensor) -> tuple[torch.Tensor, torch.Tenso
     return torch.tanh(drawn), log_density.sum(1, keepdim=True)
 
 
-def evaluate(actor: nn.Module, scaler: Scaler, arguments: argparse.Namespace) -> float:
-    """Return the share of new levels that actions without noise solve."""
-    levels = list(NEW_LEVELS)
-    env = gym.make_vec(
+def make_env(arguments: argparse.Namespace, count: int, terminate_on_success: bool) -> gym.vector.VectorEnv:
+    """Return as many environments side by side; without an end at success, policies also learn to keep still."""
+    return gym.make_vec(
         f"ArtiSkill/{arguments.task}-v0",
-        num_envs=len(levels),
+        num_envs=count,
         objects=arguments.object,
         target=arguments.target,
         autoreset_mode="same_step",
+        terminate_on_success=terminate_on_success,
     )
+
+
+def evaluate(actor: nn.Module, scaler: Scaler, arguments: argparse.Namespace) -> float:
+    """Return the share of new levels that actions without noise solve."""
+    levels = list(NEW_LEVELS)
+    env = make_env(arguments, len(levels), True)
     seen, _ = env.reset(options={"level": levels})
     solved, over = np.zeros(len(levels), bool), np.zeros(len(levels), bool)
     while not over.all():
@@ -105,14 +111,7 @@ def main() -> None:
     torch.manual_seed(arguments.seed)
     torch.set_num_threads(1)
     rng = np.random.default_rng(arguments.seed)
-    env = gym.make_vec(
-        f"ArtiSkill/{arguments.task}-v0",
-        num_envs=arguments.envs,
-        objects=arguments.object,
-        target=arguments.target,
-        autoreset_mode="same_step",
-        terminate_on_success=False,  # the policy also learns to keep still
-    )
+    env = make_env(arguments, arguments.envs, False)
     states, actions = env.single_observation_space.shape[0], env.single_action_space.shape[0]
     actor, critics = mlp(states, 2 * actions), nn.ModuleList(mlp(states + actions, 1) for _ in range(2))
     targets = copy.deepcopy(critics).requires_grad_(False)
@@ -167,17 +166,17 @@ def update(
         then, log_density = act(actor, following)
         least = torch.min(*(target(torch.cat((following, then), 1)) for target in targets))
         wanted = reward + GAMMA * (1 - end) * (least - alpha * log_density)
-    step(optimizers[1], sum(mse_loss(critic(torch.cat((seen, chosen), 1)), wanted) for critic in critics))
+    descend(optimizers[1], sum(mse_loss(critic(torch.cat((seen, chosen), 1)), wanted) for critic in critics))
     now, log_density = act(actor, seen)
     least = torch.min(*(critic(torch.cat((seen, now), 1)) for critic in critics))
-    step(optimizers[0], (alpha * log_density - least).mean())
-    step(optimizers[2], -(log_alpha * (log_density.detach() - now.shape[1]).mean()))
+    descend(optimizers[0], (alpha * log_density - least).mean())
+    descend(optimizers[2], -(log_alpha * (log_density.detach() - now.shape[1]).mean()))
     with torch.no_grad():
         for target, critic in zip(targets.parameters(), critics.parameters(), strict=True):
             target.lerp_(critic, TAU)
 
 
-def step(optimizer: torch.optim.Adam, loss: torch.Tensor) -> None:
+def descend(optimizer: torch.optim.Adam, loss: torch.Tensor) -> None:
     optimizer.zero_grad()
     loss.backward()
     optimizer.step()

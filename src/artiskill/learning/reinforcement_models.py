@@ -19,7 +19,6 @@ from artiskill.learning.reinforcement_config import ReinforcementConfig
 
 _KINDS = {"sac": SAC, "ppo": PPO}
 _STATES = {"sac": ("actor_state", "qf_state"), "ppo": ("actor_state", "vf_state")}  # of the policy
-_OF_POLICY = ("log_std_init",)  # values that the policy takes, not the algorithm
 _threads: int | None = None  # of this process: JAX takes the number once, when it begins
 
 
@@ -37,16 +36,21 @@ def use_threads(count: int) -> None:
     _threads = count
 
 
-def make_model(config: ReinforcementConfig, env: Any) -> Any:
-    """Return a model with initial weights, which learns in an environment of Stable-Baselines3."""
+def make_model(config: ReinforcementConfig, env: Any, kinds: Mapping[str, Any] = _KINDS) -> Any:
+    """Return a model with initial weights, which learns in an environment of Stable-Baselines3.
+
+    Args:
+        config: of the run.
+        env: to learn in.
+        kinds: name -> class, of SBX or of Stable-Baselines3, whose models take the same values.
+    """
     values = dict(vars(config.values))
     policy: dict[str, Any] = {"net_arch": list(values.pop("net_arch"))}
-    policy |= {name: values.pop(name) for name in _OF_POLICY if name in values}
-    if config.name == "ppo":
-        policy["ortho_init"] = True  # first actions are near 0, as Stable-Baselines3 has it
+    if config.name == "ppo":  # first actions are near 0, as Stable-Baselines3 has it
+        policy |= {"log_std_init": values.pop("log_std_init"), "ortho_init": True}
     if not isinstance(values["ent_coef"], str):
         values["ent_coef"] = float(values["ent_coef"])  # SBX takes no whole number
-    return _KINDS[config.name]("MlpPolicy", env, policy_kwargs=policy, seed=config.seed, **values)
+    return kinds[config.name]("MlpPolicy", env, policy_kwargs=policy, seed=config.seed, **values)
 
 
 def count_parameters(model: Any) -> int:
