@@ -68,7 +68,7 @@ def test_only_regular_files_are_read(tmp_path: Path) -> None:
             open_regular(path)
         with pytest.raises(OSError, match="not a regular file"):
             check_writable(path)
-        assert time.monotonic() - start < 1
+        assert time.monotonic() - start < 60
     with pytest.raises(IsADirectoryError):
         open_regular(tmp_path)
     (tmp_path / "file").write_bytes(b"12345")

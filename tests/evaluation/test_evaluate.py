@@ -192,9 +192,9 @@ def test_a_time_limit_for_each_action(solution: Callable[[str], Path], monkeypat
         "        while (self.episode, self.step) == (1, 2):\n            pass\n"
         "        self.step += 1\n        return [0.0] * 13\n"
     )
-    says = rf"^{path}: no action within 0.5 s \(object cabinet-0005, level 3, step 2\)(\n|$)"
+    says = rf"^{path}: no action within 4 s \(object cabinet-0005, level 3, step 2\)(\n|$)"
     with pytest.raises(PolicyError, match=says):
-        evaluate(TASK, path, OBJECTS[0], 2, 2, config=SHORT, step_timeout_s=0.5)
+        evaluate(TASK, path, OBJECTS[0], 2, 2, config=SHORT, step_timeout_s=4)
     limited = evaluate(TASK, path, OBJECTS[0], 1, config=SHORT, step_timeout_s=30)
     other = evaluate(TASK, path, OBJECTS[0], 1, config=SHORT)
     assert limited.confinement == other.confinement.within(30)

@@ -135,7 +135,7 @@ def test_what_happens_at_import_is_told(
     with pytest.raises(PolicyError, match=says) as caught:
         evaluate(TASK, path, OBJECTS, 1, config=SHORT, workers=workers, **limit)
     assert str(caught.value).startswith(str(path))
-    assert time.perf_counter() - start < 20
+    assert time.perf_counter() - start < 120
 
 
 def test_a_hang_at_import_may_come_later(solution: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -165,7 +165,7 @@ def test_processes_of_a_policy_end_with_it(solution: Callable[[str], Path]) -> N
     evaluate(TASK, path, OBJECTS[:2], 1, config=SHORT, workers=2, sandbox="none")
     pids = path.with_name("pids").read_text().split()
     assert len(pids) == 3, "one for the first look, one for each object"
-    end = time.perf_counter() + 10
+    end = time.perf_counter() + 60
     while time.perf_counter() < end and any(Path("/proc", pid).exists() for pid in pids):
         time.sleep(0.05)
     left = [pid for pid in pids if Path("/proc", pid).exists()]

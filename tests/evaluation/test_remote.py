@@ -276,12 +276,12 @@ def test_faults_name_object_and_step(kind: str, workers: int, monkeypatch: pytes
 
 def test_a_slow_server() -> None:
     def answer(seen: dict[str, Any]) -> Any:
-        time.sleep(2.0 if seen["step"] == 2 else 0.0)
+        time.sleep(9.0 if seen["step"] == 2 else 0.0)
         return {"actions": ZEROS}
 
-    says = rf": no action within 0\.5 s {AT}"
+    says = rf": no action within 4 s {AT}"
     with server(answer) as made, pytest.raises(PolicyError, match=says):
-        play(made.url, step_timeout_s=0.5)
+        play(made.url, step_timeout_s=4)
 
 
 def test_a_server_that_does_not_read() -> None:
@@ -292,7 +292,7 @@ def test_a_server_that_does_not_read() -> None:
         connection.recv_bufsize = 1
         connection.send(pack({"obs_mode": "pointcloud", "control_mode": "joint"}))
         with connection.recv_flow_control:  # its thread reads no more
-            halt.wait(20)
+            halt.wait(300)
 
     listening = serve(handle, "127.0.0.1", 0, compression=None, max_size=None)
     thread = threading.Thread(target=listening.serve_forever)
@@ -306,7 +306,7 @@ def test_a_server_that_does_not_read() -> None:
         halt.set()
         listening.shutdown()
         thread.join()
-    assert time.monotonic() - begin < 15
+    assert time.monotonic() - begin < 120
 
 
 @pytest.mark.parametrize(

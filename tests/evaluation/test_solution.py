@@ -270,7 +270,7 @@ def act_slowly(found: Solution) -> None:
 @pytest.mark.parametrize("kind", LIES)
 def test_lies_are_told(solution: Write, kind: str) -> None:
     text, says = LIES[kind]
-    wait = 0.0 if kind == "twice" else 60.0
+    wait = 0.0 if kind == "twice" else 300.0
     path = solution(
         f"{HEAD}steps = []\ndef policy(o):\n    steps.append(1)\n"
         f"    if len(steps) == 3:\n        {text.rstrip()}\n        time.sleep({wait})\n    return [0.0]\n"
@@ -282,7 +282,7 @@ def test_lies_are_told(solution: Write, kind: str) -> None:
     assert says in str(caught.value)
     assert str(caught.value).startswith(f"{path}: {BROKEN}: ")
     assert "(object cabinet-0005, level 4, step " in str(caught.value)
-    assert time.perf_counter() - start < 5
+    assert time.perf_counter() - start < 120
     found.close()
     assert found._process._process.returncode is not None
 

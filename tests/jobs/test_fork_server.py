@@ -50,8 +50,8 @@ def hang(job: Path, send: Send) -> None:
 
 
 def dawdle(job: int, send: Send) -> int:
-    send(Deadline(f"job {job} dawdles", 0.4))
-    time.sleep(5.0 * (job == 2))
+    send(Deadline(f"job {job} dawdles", 3.0))
+    time.sleep(300.0 * (job == 2))
     send(NO_DEADLINE)
     return job
 
@@ -71,8 +71,8 @@ def is_running(pid: int) -> bool:
 
 
 def ends(pid: int) -> bool:
-    """Whether a process ends within seconds."""
-    end = time.perf_counter() + 10
+    """Whether a process ends soon; machines may be busy."""
+    end = time.perf_counter() + 60
     while is_running(pid) and time.perf_counter() < end:
         time.sleep(0.02)
     return not is_running(pid)
@@ -138,12 +138,12 @@ def test_what_a_job_starts_ends_with_it(tmp_path: Path) -> None:
     start = time.perf_counter()
     run_jobs(leave, [tmp_path / "pid"], 1, isolated=True)
     assert ends(int((tmp_path / "pid").read_text()))
-    assert time.perf_counter() - start < 10
+    assert time.perf_counter() - start < 120
 
 
 def wait_for(path: Path) -> int:
     """The process id that is written to a file."""
-    end = time.perf_counter() + 20
+    end = time.perf_counter() + 60
     while not (path.is_file() and path.read_text()) and time.perf_counter() < end:
         time.sleep(0.02)
     return int(path.read_text())
@@ -162,7 +162,7 @@ def test_nothing_outlives_the_process_that_asked(tmp_path: Path, number: int) ->
     pid = wait_for(tmp_path / "pid")
     server = int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
     process.send_signal(number)
-    process.wait(timeout=20)
+    process.wait(timeout=60)
     assert ends(pid)
     assert ends(server)
 

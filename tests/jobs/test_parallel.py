@@ -22,7 +22,7 @@ def stumble(job: int, send: Send) -> int:
     send(job)
     if job == 1:
         raise PolicyError("job 1 stumbled")
-    for _ in range(200):
+    for _ in range(6000):
         time.sleep(0.05)
         send(job)
     return job
@@ -61,10 +61,10 @@ def hang_or_stumble(job: int, send: Send) -> None:
 
 
 def dawdle(job: int, send: Send) -> int:
-    send(Deadline(f"job {job} dawdles", 0.5))
-    time.sleep(5.0 * (job == 2))
+    send(Deadline(f"job {job} dawdles", 3.0))
+    time.sleep(300.0 * (job == 2))
     send(NO_DEADLINE)
-    time.sleep(0.7)  # within no limit
+    time.sleep(3.5)  # within no limit
     send(job)
     return job
 
@@ -115,7 +115,7 @@ def test_an_error_ends_the_other_jobs() -> None:
     start = time.perf_counter()
     with pytest.raises(PolicyError, match="job 1 stumbled"):
         run_jobs(stumble, [0, 1, 2, 3], 2)
-    assert time.perf_counter() - start < 8  # one job to its end takes ten seconds
+    assert time.perf_counter() - start < 120  # one job to its end takes five minutes
 
 
 def test_a_vanished_worker_is_explained() -> None:
@@ -175,7 +175,7 @@ def test_a_hanging_job_does_not_hold_an_error_up(monkeypatch: pytest.MonkeyPatch
     start = time.perf_counter()
     with pytest.raises(PolicyError, match="job 1 stumbled"):
         run_jobs(hang_or_stumble, [0, 1], 2)
-    assert time.perf_counter() - start < 10
+    assert time.perf_counter() - start < 120
 
 
 def test_a_job_of_another_process_may_have_a_time_limit(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -184,7 +184,7 @@ def test_a_job_of_another_process_may_have_a_time_limit(monkeypatch: pytest.Monk
     start = time.perf_counter()
     with pytest.raises(PolicyError, match="job 2 dawdles"):
         run_jobs(dawdle, [0, 2], 1, messages.append, isolated=True)
-    assert time.perf_counter() - start < 10
+    assert time.perf_counter() - start < 120
     assert messages == [0]
 
 
