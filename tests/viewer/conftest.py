@@ -1,5 +1,7 @@
 """A server without a browser, and episodes."""
 
+import gc
+import warnings
 from collections.abc import Iterator
 from typing import Any
 
@@ -14,6 +16,11 @@ def server() -> Iterator[Any]:
     pytest.importorskip("viser")
     with serving(port=0) as started:
         yield started
+    started._websock_server._server_thread.join(60)
+    with warnings.catch_warnings():  # viser leaves sockets to the collector, which would blame a later test
+        warnings.simplefilter("ignore", ResourceWarning)
+        del started
+        gc.collect()
 
 
 @pytest.fixture

@@ -2,6 +2,8 @@
 
 import base64
 import re
+import shutil
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -150,8 +152,76 @@ def test_an_episode_that_cannot_be_loaded_is_told_on_the_page(server: Any, page:
     use(widget(server, "Number", "level"), -1)
     use(widget(server, "Button", "load"), True)
     page.update()
-    assert "error" in page._title.content
+    assert (page._problem.visible, "error" in page._problem.content) == (True, True)
     assert page.player.timeline is before
+    use(widget(server, "Number", "level"), 2)
+    use(widget(server, "Button", "load"), True)
+    page.update()
+    assert not page._problem.visible
+    assert "level 2" in page._title.content
+
+
+def test_a_task_that_knows_another_value_is_told_on_the_page(server: Any, choice: EpisodeChoice) -> None:
+    page = EpisodePage(server, LivePicker(replace(choice, config={"success.open_fraction": 0.8})), plays=False)
+    use(widget(server, "Dropdown", "task"), "PushChair")
+    page.update()
+    assert "unknown key &#x27;open_fraction&#x27;" in page._problem.content
+    assert widget(server, "Dropdown", "task").value == choice.task
+
+
+def test_a_policy_that_cannot_begin_in_the_middle_ends_the_episode(
+    server: Any, choice: EpisodeChoice, tmp_path: Path
+) -> None:
+    path = tmp_path / "once.py"
+    path.write_text(
+        "class Policy:\n    obs_mode = 'state'\n    begun = False\n    def reset(self, observation, info):\n"
+        "        if self.begun:\n            raise RuntimeError('only from the beginning')\n"
+        "        self.begun = True\n    def act(self, observation):\n        return [0.0] * 13\n"
+    )
+    page = EpisodePage(server, LivePicker(replace(choice, policy=str(path))), plays=False)
+    page.player.step(3)
+    use(widget(server, "Button", "drive"), True)
+    page.update()
+    page.player.step(3)
+    use(widget(server, "Button", "hand back"), True)
+    page.update()
+    assert "only from the beginning" in page.player.moment.end
+    assert "only from the beginning" in page._state.content
+    assert (page.player.position, page.player.is_playing, page.player.at_end) == (6, False, True)
+
+
+def test_nobody_drives_after_the_end(server: Any, choice: EpisodeChoice) -> None:
+    page = EpisodePage(server, LivePicker(choice), plays=True)
+    page.player.step(1000)
+    assert page.player.at_end
+    end = page.player.position
+    use(widget(server, "Button", "drive"), True)
+    page.update()
+    assert "go back to an earlier one" in page._hand.note.content
+    assert server.scene.get_handle_by_name("/hand-0") is None
+    assert (page.player.position, page.player.is_playing) == (end, False)
+    page.player.seek(end - 2)
+    use(widget(server, "Button", "drive"), True)
+    page.update()
+    assert page._hand.note.content == ""
+    assert server.scene.get_handle_by_name("/hand-0") is not None
+
+
+def test_a_damaged_demonstration_is_told_on_the_page(server: Any, tmp_path: Path) -> None:
+    pytest.importorskip("h5py")
+    source = next((PACK / "OpenCabinetDoor").glob("*.h5"))
+    shutil.copy(source, tmp_path)
+    page = EpisodePage(server, DemoPicker(tmp_path / source.name), plays=False)
+    length = len(page.player.timeline) - 1
+    page.player.timeline._trajectory.actions[length - 5] += 0.1  # as in a file that was changed
+    slider = widget(server, "Slider", "step")
+    use(slider, length)
+    page.update()
+    assert f"step {length - 4} is another one than was recorded" in page._problem.content
+    assert page.player.position == 0
+    use(slider, 2)
+    page.update()
+    assert (page.player.position, page._problem.visible) == (2, False)
 
 
 def test_demonstrations_are_chosen(server: Any) -> None:
@@ -193,7 +263,7 @@ def test_an_exported_episode_has_every_step_in_one_small_file(choice: EpisodeCho
     assert len(page) < 3e6
     assert "<title>OpenCabinetDrawer: cabinet-0002" in page
     recording = recording_of(page)
-    assert recording["durationSeconds"] == pytest.approx(0.05 * len(episode) + 1.5)
+    assert recording["durationSeconds"] == pytest.approx(0.05 * len(episode) + 2.0)
     last = len(episode) - 1
     link = episode.scene.index.object_bodies.start + episode.scene.object.link_index(episode.target)
     name = f"/scene/object/{episode.target}"
@@ -304,7 +374,7 @@ def test_what_is_solved_by_hand_is_stored_once_and_the_page_says_where(
     use(widget(server, "Dropdown", "task"), "PushChair")
     use(widget(server, "Button", "load"), True)
     page.update()
-    assert "holds demonstrations of OpenCabinetDrawer, not of PushChair" in page._title.content
+    assert "holds demonstrations of OpenCabinetDrawer, not of PushChair" in page._problem.content
 
 
 def test_contacts_are_shown_and_told(server: Any, page: EpisodePage) -> None:

@@ -28,6 +28,7 @@ from artiskill.viewer.scene_view import (
     blended_poses,
     narrow_view,
     object_bodies,
+    place_camera,
     scene_bodies,
 )
 
@@ -170,7 +171,8 @@ def test_links_are_marked(server: Any) -> None:
 
 def test_light_and_ground_are_the_pictures(server: Any) -> None:
     config = load_render_config()
-    add_stage(server, config, (-3.0, 0.0, 1.0), (0.0, 0.0, 0.5), has_panel=False)
+    add_stage(server, config)
+    place_camera(server, (-3.0, 0.0, 1.0), (0.0, 0.0, 0.5), has_panel=False)
     sun = np.asarray(node(server, "/light/sun").position)
     np.testing.assert_allclose(sun / np.linalg.norm(sun), config.sun.direction_w, atol=1e-6)
     np.testing.assert_allclose(server.initial_camera.look_at, (0.0, 0.0, 0.5))
@@ -180,7 +182,7 @@ def test_light_and_ground_are_the_pictures(server: Any) -> None:
 
 def test_only_this_machine_is_listened_to_by_default(server: Any) -> None:
     assert server.get_host() == "127.0.0.1"
-    with socket.create_connection(("127.0.0.1", server.get_port()), timeout=5):
+    with socket.create_connection(("127.0.0.1", server.get_port()), timeout=60):
         pass
 
 
@@ -194,9 +196,9 @@ def test_addresses_that_cannot_be_listened_to(server: Any) -> None:
 
 
 def test_a_connection_without_a_request_is_no_error(server: Any, caplog: pytest.LogCaptureFixture) -> None:
-    with socket.create_connection(("127.0.0.1", server.get_port()), timeout=5) as browser:
+    with socket.create_connection(("127.0.0.1", server.get_port()), timeout=60) as browser:
         browser.shutdown(socket.SHUT_WR)
-        browser.settimeout(5)
+        browser.settimeout(60)
         while browser.recv(1024):
             pass
     time.sleep(0.3)
@@ -210,13 +212,13 @@ def test_no_page_can_open_a_tunnel_and_nothing_is_printed(capsys: pytest.Capture
         assert server.request_share_url() is None
     assert capsys.readouterr().out == ""
     with pytest.raises(OSError, match="refused"):
-        socket.create_connection(("127.0.0.1", port), timeout=5)
+        socket.create_connection(("127.0.0.1", port), timeout=60)
 
 
 def test_a_narrow_page_sees_the_scene_above_the_panel(server: Any) -> None:
     """The middle of what is shown lies in the upper part of the picture, in the middle from left to right."""
     eye, middle = np.array((-3.0, -2.0, 1.5)), np.array((0.2, 0.1, 0.5))
-    add_stage(server, load_render_config(), eye, middle)
+    place_camera(server, eye, middle)
     first = server.initial_camera
     eye_w, look_at_w = narrow_view(first.position, first.look_at, 390 / 844)
     ahead = (look_at_w - eye_w) / np.linalg.norm(look_at_w - eye_w)

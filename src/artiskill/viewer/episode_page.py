@@ -40,6 +40,7 @@ from artiskill.viewer.scene_view import (
     SceneView,
     add_stage,
     blended_poses,
+    place_camera,
     scene_bodies,
     show_above_panel,
 )
@@ -51,8 +52,9 @@ _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#
 _DIRECTION_DEG, _SIZE_PX = (226.0, 22.0), (640, 480)
 # for which a replay stays at its end, and then without a caption: a browser that begins anew shows the last text
 # for a few pictures more
-_LAST_S, _NO_CAPTION_S = 1.0, 0.5
+_LAST_S, _NO_CAPTION_S = 1.0, 1.0
 _CLIENT_TITLE = "<title>Viser</title>"
+_OVER = "the episode ends at this step: go back to an earlier one"
 
 
 class Picker(Protocol):
@@ -97,7 +99,8 @@ class EpisodePage:
         self.frames = 0
         self.player = Player(self._load())
         with server.atomic():
-            _add_stage(server, self.player.timeline)
+            add_stage(server, load_render_config())
+            _place_camera(server, self.player.timeline)
             self.view = self._enter()
             self._show_poses()
         show_above_panel(server)
@@ -129,14 +132,17 @@ class EpisodePage:
         return timeline
 
     def load(self) -> None:
-        """Show the episode that the picker stands at, from its beginning; an error is told on the page."""
+        """Show the episode that the picker stands at, from its beginning.
+
+        Raises:
+            ArtiSkillError, IndexError: it cannot be loaded; what was shown stays.
+        """
         self._picker.take_over()
-        try:
-            timeline = self._load()
-        except (ArtiSkillError, IndexError) as error:
-            self._title.content = f"**error:** {html.escape(str(error))}"
-            return
-        self.player.timeline.close()
+        timeline = self._load()
+        before = self.player.timeline
+        before.close()
+        if timeline.task.name != before.task.name:
+            _place_camera(self._server, timeline)
         layers, speed = self.view.shown, self.player.speed
         self.view.remove()
         self._hand.detach()
@@ -254,6 +260,7 @@ class EpisodePage:
     def _add_panel(self) -> None:
         gui = self._server.gui
         self._title = gui.add_markdown(_title(self.player.timeline))
+        self._problem = gui.add_markdown("", visible=False)
         with gui.add_folder("playback"):
             self._add_playback(gui)
         self._state = gui.add_markdown("")
@@ -303,11 +310,15 @@ class EpisodePage:
         timeline = self.player.timeline
         assert isinstance(timeline, LiveEpisode), "only live episodes are driven"
         timeline.take_over(self.player.position, by_hand)
-        if by_hand:
+        is_over = timeline.is_complete  # it ends here, or the policy cannot begin here
+        if by_hand and not is_over:
             self._hand.attach(timeline.hand)
         else:
             self._hand.detach()
-        if self._plays:
+        self._hand.note.content = _OVER if is_over else ""
+        if is_over:
+            self.player.pause()
+        elif self._plays:
             self.player.play()
         self.show()
 
@@ -344,16 +355,28 @@ class EpisodePage:
         self._commands.put(command)
 
     def update(self) -> None:
-        """Obey what was asked for, and go on with time, if anybody looks."""
+        """Obey what was asked for, and go on with time, if anybody looks; errors are told on the page."""
         while not self._commands.empty():
-            self._commands.get()()
+            self._problem.visible = False
+            self._guard(self._commands.get())
         is_watched = bool(self._server.get_clients())
         if is_watched and not self._is_shown:
             self.player.set_speed(self.player.speed)  # time begins when the first one looks
         self._is_shown = is_watched
         if is_watched and self.player.is_playing:
-            self.player.update()
-            self._show_moment() if self.player.is_playing else self.show()
+            self._guard(self._go_on)
+
+    def _go_on(self) -> None:
+        self.player.update()
+        self._show_moment() if self.player.is_playing else self.show()
+
+    def _guard(self, command: Callable[[], None]) -> None:
+        """Do something; an error stops the episode and stands on the page, which goes on."""
+        try:
+            command()
+        except (ArtiSkillError, IndexError) as error:
+            self.player.pause()
+            self._problem.content, self._problem.visible = f"**error:** {html.escape(str(error))}", True
 
     def run(self) -> None:
         """Show the episode until the process is interrupted."""
@@ -374,13 +397,13 @@ def _title(timeline: Timeline) -> str:
     return f"**{html.escape(timeline.title)}**"
 
 
-def _add_stage(server: Any, timeline: Timeline, has_panel: bool = True) -> None:
-    """Add light and ground; the camera sees robot and object whole."""
+def _place_camera(server: Any, timeline: Timeline, has_panel: bool = True) -> None:
+    """Have the camera see robot and object whole."""
     scene, snapshot = timeline.scene, timeline.moment(0).context.snapshot
     points = shown_points(scene, [snapshot])[0]
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     eye = framing_camera(points, *_DIRECTION_DEG, *_SIZE_PX).position_w
-    add_stage(server, load_render_config(), eye, middle, has_panel)
+    place_camera(server, eye, middle, has_panel)
 
 
 def export_episode(
@@ -406,7 +429,8 @@ def export_episode(
         bodies, first = scene_bodies(scene), scene.index.object_bodies.start
         view = SceneView(server, bodies, scene.object, first, timeline.target)
         view.show_layer(TARGET, True)
-        _add_stage(server, timeline, has_panel=False)
+        add_stage(server, load_render_config())
+        _place_camera(server, timeline, has_panel=False)
         caption = view.add_caption()
         recording = server.get_scene_serializer()
         while True:

@@ -15,7 +15,15 @@ from artiskill.errors import ArtiSkillError
 from artiskill.sensors.pictures.framing import framing_camera
 from artiskill.sensors.pictures.objects import AZIMUTH_DEG, ELEVATION_DEG
 from artiskill.sensors.render_config import load_render_config
-from artiskill.viewer.scene_view import LAYERS, TARGET, SceneView, add_stage, object_bodies, show_above_panel
+from artiskill.viewer.scene_view import (
+    LAYERS,
+    TARGET,
+    SceneView,
+    add_stage,
+    object_bodies,
+    place_camera,
+    show_above_panel,
+)
 
 Item = str | ArticulatedObject
 _TURN_RAD = math.pi  # what a slider of a joint without limits covers each way
@@ -56,7 +64,8 @@ class ObjectPage:
         points = drawn_points(obj, obj.rest_qpos)
         camera = framing_camera(points, AZIMUTH_DEG, ELEVATION_DEG, *_SIZE_PX)
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
-        add_stage(self._server, load_render_config(), camera.position_w, middle)
+        add_stage(self._server, load_render_config())
+        place_camera(self._server, camera.position_w, middle)
         return obj, view
 
     def choose(self, name: str) -> None:

@@ -10,7 +10,7 @@ from artiskill.assets.catalog import list_objects, load_object
 from artiskill.config import check
 from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.demos import Demos
-from artiskill.errors import ConfigError
+from artiskill.errors import ArtiSkillError, ConfigError
 from artiskill.evaluation.pictures import EpisodeChoice
 from artiskill.evaluation.policies import POLICY_NAMES
 from artiskill.evaluation.stored_report import read_report
@@ -74,6 +74,11 @@ class LivePicker(Picker):
     def _choose_task(self) -> None:
         task = self._task.value
         names = _object_names(task)
+        try:
+            make_task(task, self._choice.config)
+        except ArtiSkillError:  # what was set is no value of this task
+            self._task.value = self._choice.task
+            raise
         self._choice = replace(self._choice, task=task, object=names[0], target=None)
         self._object.options, self._object.value = names, names[0]
         self._show_object()
@@ -120,20 +125,20 @@ class DemoPicker(Picker):
         self._folder = None if source.suffix == ".h5" else Demos(source)
         self._source, self._number = source, number
         self._object = source.stem if self._folder is None else self._folder.objects[0]
-        self._count = self._counted()
+        self._count = self._counted(self._object)
 
-    def _open(self) -> DemoFile:
-        return DemoFile(self._source) if self._folder is None else self._folder.open(self._object)
+    def _open(self, name: str) -> DemoFile:
+        return DemoFile(self._source) if self._folder is None else self._folder.open(name)
 
-    def _counted(self) -> int:
-        with self._open() as file:
+    def _counted(self, name: str) -> int:
+        with self._open(name) as file:
             return len(file)
 
     def load(self) -> Timeline:
         """Return the chosen demonstration."""
         if not 0 <= self._number < self._count:
             raise ConfigError(f"{self._object} has the demonstrations 0 to {self._count - 1}, not {self._number}")
-        with self._open() as file:
+        with self._open(self._object) as file:
             return recorded_episode(file, self._number)
 
     def add_to(self, server: Any, do: Do) -> None:
@@ -148,8 +153,13 @@ class DemoPicker(Picker):
         self._number = int(self._numbers.value)
 
     def _choose_object(self) -> None:
-        self._object = self._objects.value
-        self._count, self._number = self._counted(), 0
+        name = self._objects.value
+        try:
+            self._count = self._counted(name)
+        except ArtiSkillError:  # the file is damaged
+            self._objects.value = self._object
+            raise
+        self._object, self._number = name, 0
         self._numbers.value, self._numbers.max = 0, max(self._count - 1, 1)
 
 

@@ -171,13 +171,16 @@ class LiveEpisode(Timeline):
             action = (self.hand if self.by_hand else self._actor).act(self._env, self._observation)
             self._observation, reward, terminated, truncated, info = self._env.step(action)
         except (PolicyError, *FAULTS) as error:
-            self.is_complete = True
-            self._moments[-1] = replace(self._moments[-1], end=fault_text(error))
+            self._end_by(error)
             return
         if terminated or truncated:
             self.is_complete, end = True, SOLVED if info["success"] else NOT_SOLVED
         self._moments.append(moment_of(self._env, reward, info, end))
         self._actions.append((np.asarray(action), self.by_hand))
+
+    def _end_by(self, error: Exception) -> None:
+        self.is_complete = True
+        self._moments[-1] = replace(self._moments[-1], end=fault_text(error))
 
     @property
     def was_driven(self) -> bool:
@@ -206,8 +209,7 @@ class LiveEpisode(Timeline):
     def take_over(self, step: int, by_hand: bool) -> None:
         """Go on from a step with a person or the policy; what came after it is forgotten.
 
-        Raises:
-            PolicyError: the policy cannot begin there.
+        A policy that cannot begin there ends the episode, as its other errors do.
         """
         del self._moments[step + 1 :], self._actions[step:]
         last = self._moments[-1]
@@ -216,7 +218,10 @@ class LiveEpisode(Timeline):
         self.is_complete = info["success"] or last.state.elapsed >= self.task.config.episode_steps
         if not self.is_complete and last.end:  # a fault, of which there may be none now
             self._moments[-1] = replace(last, end="")
-        (self.hand if by_hand else self._actor).reset(self._env, self._observation, info)
+        try:
+            (self.hand if by_hand else self._actor).reset(self._env, self._observation, info)
+        except (PolicyError, *FAULTS) as error:
+            self._end_by(error)
 
 
 class Player:
@@ -315,4 +320,7 @@ class Player:
     def _go_to(self, position: int) -> None:
         while position >= len(self.timeline) and not self.timeline.is_complete:
             self.timeline.extend()
-        self.position = self._previous = min(max(position, 0), len(self.timeline) - 1)
+        position = min(max(position, 0), len(self.timeline) - 1)
+        for step in range(self.position + 1, position + 1):
+            self.timeline.moment(step)  # an error of any step on the way leaves all as it is
+        self.position = self._previous = position

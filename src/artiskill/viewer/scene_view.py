@@ -255,8 +255,8 @@ def _bounds(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return points.min(axis=0) - _MARGIN_M, points.max(axis=0) + _MARGIN_M
 
 
-def add_stage(server: Any, config: RenderConfig, eye_w: Any, look_at_w: Any, has_panel: bool = True) -> None:
-    """Add light, sky and ground as pictures have them, and place the camera, beside a panel if there is one."""
+def add_stage(server: Any, config: RenderConfig) -> None:
+    """Add light, sky and ground as pictures have them."""
     scene, sun, ambient = server.scene, config.sun, config.ambient
     scene.configure_default_lights(False)
     scene.configure_environment_map(None)
@@ -279,6 +279,10 @@ def add_stage(server: Any, config: RenderConfig, eye_w: Any, look_at_w: Any, has
     up = np.linspace(1.0, 0.0, 64)[:, None]
     sky = up * np.array(config.background.zenith) + (1 - up) * np.array(config.background.horizon)
     scene.set_background_image(np.tile((255 * sky).astype(np.uint8)[:, None], (1, 4, 1)), format="png")
+
+
+def place_camera(server: Any, eye_w: Any, look_at_w: Any, has_panel: bool = True) -> None:
+    """Place the camera of all pages, those that are open and all later ones, beside a panel if there is one."""
     eye, look_at = np.asarray(eye_w, dtype=float), np.asarray(look_at_w, dtype=float)
     eye = look_at + (_ROOM_BESIDE if has_panel else _ROOM) * (eye - look_at)
     right = np.cross(look_at - eye, (0.0, 0.0, 1.0))  # as long as the distance, nearly
@@ -286,6 +290,8 @@ def add_stage(server: Any, config: RenderConfig, eye_w: Any, look_at_w: Any, has
     server.initial_camera.position = eye + aside
     server.initial_camera.look_at = look_at + aside
     server.initial_camera.fov = _FOV_RAD
+    for client in server.get_clients().values():
+        _look_first(server, client.camera)
 
 
 def show_above_panel(server: Any) -> None:
@@ -293,11 +299,18 @@ def show_above_panel(server: Any) -> None:
 
     async def place(client: Any) -> None:
         await asyncio.sleep(_CAMERA_S)
-        camera, first = client.camera, server.initial_camera
-        if camera.image_width <= _NARROW_PX:
-            camera.position, camera.look_at = narrow_view(first.position, first.look_at, camera.aspect)
+        if client.camera.image_width <= _NARROW_PX:
+            _look_first(server, client.camera)
 
     server.on_client_connect(place)
+
+
+def _look_first(server: Any, camera: Any) -> None:
+    """Have a page look from where pages look first."""
+    eye, look_at = server.initial_camera.position, server.initial_camera.look_at
+    if camera.image_width <= _NARROW_PX:
+        eye, look_at = narrow_view(eye, look_at, camera.aspect)
+    camera.position, camera.look_at = eye, look_at
 
 
 def narrow_view(eye_w: np.ndarray, look_at_w: np.ndarray, aspect: float) -> tuple[np.ndarray, np.ndarray]:
