@@ -58,6 +58,7 @@ class ScriptedServer:
         self._thread.start()
 
     def _handle(self, connection: Any) -> None:
+        self._connection = connection
         self.headers.append(connection.request.headers)
         self.received.append([])
         mine = self.received[-1]
@@ -272,6 +273,51 @@ def test_faults_name_object_and_step(kind: str, workers: int, monkeypatch: pytes
     assert "\n" not in str(caught.value)
     if kind == "text":
         assert any('File "p.py", line 3\nKeyError' in note for note in caught.value.__notes__)
+
+
+@pytest.mark.parametrize("metadata", [{"replan_steps": 2, "points": 64, "frame": "robot"}, {}])
+def test_a_server_that_was_overridden_is_asked_the_same_again(metadata: dict[str, Any], tmp_path: Path) -> None:
+    """Its actions are those of the step and of the points that it sees, so that other options give others."""
+
+    def answer(seen: dict[str, Any]) -> Any:
+        cloud = seen["observation/pointcloud/xyz"]
+        rows = [np.full(13, (seen["step"] + k) / 100 + len(cloud) / 1e4) for k in range(4)]
+        return {"actions": np.array(rows) + cloud.mean() / 1e3}
+
+    said = {"obs_mode": "pointcloud", "control_mode": "joint"} if metadata else {}
+    modes = {} if metadata else {"obs_mode": "pointcloud", "control_mode": "joint"}
+    with server(answer, said | metadata) as made:
+        policy = RemotePolicy(made.url, points=32, frame="world", replan_steps=3)
+        report = play(policy, OBJECTS, **modes)
+        assert (report.replan_steps, report.sampling and report.sampling.num_points) == (3, 32)
+        folder = write_report(report, tmp_path)
+        assert verify_report(folder).faults == ()
+        assert verify_policy(folder, made.url, 2, np.random.default_rng(0)).faults == ()
+
+
+def test_a_time_that_was_changed_is_found(tmp_path: Path) -> None:
+    with server() as made:
+        folder = write_report(play(made.url), tmp_path)
+    path = folder / "latency.csv"
+    honest = path.read_text()
+    path.write_text(honest.replace(",0,", ",9,", 1))
+    assert "latency.csv is another one" in verify_report(folder).faults[0]
+    path.unlink()
+    assert "latency.csv is another one" in verify_report(folder).faults[0]
+    path.write_text(honest)
+    assert verify_report(folder).faults == ()
+
+
+def test_an_answer_too_many_is_told() -> None:
+    """Taken for the next one, it would shift all that follow."""
+
+    def answer(seen: dict[str, Any]) -> Any:
+        if seen["step"] == 1:
+            made._connection.send(pack({"actions": ZEROS}))
+        return {"actions": ZEROS}
+
+    with server(answer) as made, pytest.raises(PolicyError, match=rf"an answer that nobody asked for {AT}"):
+        play(made.url)
 
 
 def test_a_slow_server() -> None:

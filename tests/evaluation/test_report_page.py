@@ -25,7 +25,7 @@ from artiskill.evaluation.statistics import EpisodeResult, compare_episodes, obj
 
 TASK, OBJECTS = "OpenCabinetDrawer", ["generated-cabinet-1000000", "generated-cabinet-1000002"]
 EASY = {"episode_steps": 52, "success.open_fraction": 0.001}
-HOSTILE = "<script>alert(1)</script>\"'><img src=http://x.example/ onerror=alert(2)>\u202ecod.exe\0&amp;</title>"
+HOSTILE = "<script>alert(1)</script>\"'><img src=http://x.example/ onerror=alert(2)>&amp;</title>"
 VOID = {"meta", "link", "img", "br", "rect", "input", "hr"}
 
 
@@ -131,9 +131,7 @@ def test_hostile_names_stay_text(report: Report, tmp_path: Path) -> None:
     write_report(replace(report, policy=HOSTILE, versions=report.versions | {HOSTILE: HOSTILE}), tmp_path)
     parsed = Parsed(report_page(read_page_source(tmp_path, films=0), [], dict.fromkeys(OBJECTS, b"")))
     parsed.check_harmless()
-    assert "<script>alert(1)</script>\"'><img src=http://x.example/ onerror=alert(2)>\ufffdcod.exe\ufffd&amp;" in (
-        parsed.words
-    )
+    assert "<script>alert(1)</script>\"'><img src=http://x.example/ onerror=alert(2)>&amp;" in (parsed.words)
     assert {tag for tag, _ in parsed.tags} <= {
         *(
             "html",
@@ -159,6 +157,7 @@ def test_hostile_names_stay_text(report: Report, tmp_path: Path) -> None:
 def test_text_is_never_endless_and_plain_shows_anything() -> None:
     assert len(text("<" * 10_000)) < 2_100
     assert text("\ud800") == "\ufffd"
+    assert text("\u202ecod.exe\0") == "\ufffdcod.exe\ufffd"
     shown = Parsed(plain({"network": "none", "memory_mb": 4096, "held": [True, None], "<b>": {"x": 1}}).encode())
     assert shown.words == "networknonememory mb4096heldyes, unknown<b>x1"
 
@@ -209,6 +208,9 @@ DAMAGED: dict[str, tuple[Callable[[Path], object], str]] = {
     "a rate that is none": (changed(success_rate=float("nan")), "success_rate"),
     "an interval": (changed(interval_over_objects=[0.1, 0.2]), "damaged or forged"),
     "wrong types": (changed(versions=[HOSTILE]), "versions"),
+    "a terminal's commands": (changed(policy="a\x1b[2J"), r"'a\\x1b\[2J' is not one line of printable text"),
+    "a heading": (changed(protocol="a\n\n# 100 % solved"), "is not one line of printable text"),
+    "no hash": (changed(policy_sha256="hello"), "policy_sha256 must be 64 hexadecimal digits, not 'hello'"),
     "a name of no object": (changed(task="OpenCabinetDoor"), "protocol|generated"),
     "a protocol": (changed(protocol="artiskill-1/OpenCabinetDrawer/test/joint/state"), "is not of protocol"),
     "no actions": (lambda at: (at / "actions.npz").write_bytes(b"PK"), "it is damaged"),

@@ -171,7 +171,7 @@ def test_neighbours_in_a_home_folder_are_not_its_own(
 def test_what_it_prints_is_shown_but_leads_nowhere(solution: Write, capfd: pytest.CaptureFixture[str]) -> None:
     first_action(solution("print('a word\\x1b[2J')\n" + STILL), SandboxConfig(), 13)
     said = capfd.readouterr()
-    assert said.err == "a word[2J\n"
+    assert said.err == "solution: a word[2J\n"
     assert said.out == ""
 
 
@@ -179,7 +179,7 @@ def test_output_ends_somewhere(solution: Write, capfd: pytest.CaptureFixture[str
     first_action(solution("for _ in range(30):\n    print('x' * 99_999)\n" + STILL), SandboxConfig(), 13)
     said = capfd.readouterr().err
     assert len(said) < 1_200_000
-    assert said.endswith("(what the solution prints from here on is not shown)\n")
+    assert said.endswith("solution: (what it prints from here on is not shown)\n")
 
 
 def test_nothing_is_left_behind(solution: Write) -> None:

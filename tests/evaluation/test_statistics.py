@@ -8,6 +8,7 @@ from artiskill.evaluation.statistics import (
     cluster_interval,
     compare_episodes,
     object_interval,
+    paired_interval,
     wilson_interval,
 )
 
@@ -65,17 +66,31 @@ def test_few_objects_and_equal_ones() -> None:
     assert object_interval(played({"a": "+-", "b": "++++"})) is not None
 
 
+def test_paired_differences_draw_objects_and_then_levels(rng: np.random.Generator) -> None:
+    """Against the same drawn one by one, and where all objects have one mean but their episodes differ."""
+    gains = [rng.integers(-1, 2, 10).tolist() for _ in range(8)]
+    means = []
+    for _ in range(4000):
+        drawn = [rng.choice(gains[k], 10) for k in rng.integers(8, size=8)]
+        means.append(np.concatenate(drawn).mean())
+    assert paired_interval(gains) == pytest.approx(np.quantile(means, (0.025, 0.975)), abs=0.02)
+    low, high = paired_interval([[1, -1]] * 10) or (0, 0)
+    assert low == pytest.approx(-high, abs=0.02)
+    assert 0.3 < high < 0.6
+    for alike in ([[0] * 4] * 3, [[1] * 4] * 3, [[1]]):
+        assert paired_interval(alike) is None, "no width would be a lie"
+
+
 def test_two_policies_are_compared_level_by_level() -> None:
     first = played({"a": "+--+", "b": "----", "c": "++++"})
     second = played({"a": "-+++", "b": "+--+", "c": "++++"})
     found = compare_episodes(first, second)
     assert (found.difference, found.only_first, found.only_second) == (3 / 12, 1, 4)
     assert found.by_object == {"a": (0.5, 0.75), "b": (0.0, 0.5), "c": (1.0, 1.0)}
-    assert found.interval == cluster_interval([1, 2, 0], [4, 4, 4])
-    assert found.over == "objects"
+    assert found.interval == paired_interval([[-1, 1, 1, 0], [1, 0, 0, 1], [0] * 4])
     back = compare_episodes(second, first)
     assert (back.difference, back.only_first) == (-found.difference, found.only_second)
     one = compare_episodes(first[:4], second[:4])
-    assert (one.over, one.interval) == ("levels", cluster_interval([-1, 1, 1, 0], [1] * 4))
+    assert one.interval == paired_interval([[-1, 1, 1, 0]])
     with pytest.raises(ConfigError, match="not the same episodes"):
         compare_episodes(first, second[1:])

@@ -10,7 +10,7 @@ _EPILOG = """examples:
   artiskill evaluate --policy ws://localhost:8000 --objects test        in another terminal
 
 It speaks openpi's WebSocket protocol. Without --host, only this machine reaches it. If the environment variable
-ARTISKILL_API_KEY is set, clients must give the same key. See docs/evaluation.md."""
+ARTISKILL_API_KEY is set, clients must give the same key. See docs/remote_policies.md."""
 
 
 def add_commands(commands: Any) -> None:

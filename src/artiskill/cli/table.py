@@ -104,11 +104,10 @@ def print_comparison(first: "StoredReport", second: "StoredReport", found: "Comp
     for title, report in (("first", first), ("second", second)):
         track = f", track {report.track}" if report.track else ""
         console.print(f"{title}: {escape(report.policy)}{track}", soft_wrap=True)
-    spread = "too few episodes for an interval"
+    spread = "no interval: all episodes differ alike"
     if found.interval is not None:
-        spread = (
-            f"95 % interval {found.interval[0]:+.1%} to {found.interval[1]:+.1%} by bootstrap over {found.over}"
-        )
+        low, high = found.interval
+        spread = f"95 % interval {low:+.1%} to {high:+.1%} by bootstrap over objects and levels"
     console.print(
         f"second minus first: [bold]{found.difference:+.1%}[/bold] ({spread}); "
         f"of {found.first.episodes} episodes, "

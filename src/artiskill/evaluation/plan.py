@@ -34,7 +34,7 @@ from artiskill.evaluation.protocols import (
     name_protocol,
     protocol_digest,
 )
-from artiskill.evaluation.remote import RemotePolicy, as_remote, plan_remote
+from artiskill.evaluation.remote import RemotePlan, RemotePolicy, as_remote, plan_remote
 from artiskill.evaluation.sandbox import Confinement, SandboxConfig
 from artiskill.jobs.parallel import run_jobs
 from artiskill.jobs.worker import Send
@@ -119,6 +119,7 @@ class EvaluationPlan:
         track: what the policy was made from, as its author says.
         load_timeout_s: the time in which a solution file must be loaded.
         notes: what is done otherwise than the policy's server says.
+        replan_steps: actions taken of each answer of a server; None for all of them, and for other policies.
         sandbox: how the processes of a solution file are confined; None for other policies.
         confinement: what was found to hold of the first of them; the others find out for themselves.
     """
@@ -135,6 +136,7 @@ class EvaluationPlan:
     track: str | None = None
     load_timeout_s: float = LOAD_TIMEOUT_S
     notes: tuple[str, ...] = ()
+    replan_steps: int | None = None
     sandbox: SandboxConfig | None = None
     confinement: Confinement | None = None
 
@@ -218,6 +220,7 @@ def plan_evaluation(
     called, held = (name or actor.name, policy, policy_digest(policy)), actor.confinement
     return EvaluationPlan(
         *(resolved, *called, *modes, batches, protocol, salt, track, load_timeout_s, notes),
+        replan_steps=policy.steps_of_answer if isinstance(policy, RemotePolicy) else None,
         sandbox=None if held is None else replace(wanted, kind=held.sandbox),
         confinement=held,
     )
@@ -272,8 +275,32 @@ def _inspect_any(
         found = inspect_policy(policy, task, load_timeout_s, sandbox)
         return policy if callable(policy) or hasattr(policy, "act") else str(policy), found, ()
     plan = plan_remote(replace(remote, connect_timeout_s=load_timeout_s), obs_mode, control_mode)
-    needs = plan.obs_mode, plan.control_mode, plan.sampling, plan.config
-    return plan.policy, PolicySpec(str(remote), *needs), plan.notes
+    return plan.policy, _spec_of_server(plan), plan.notes
+
+
+def inspect_again(
+    policy: str, task: str, asked: RemotePolicy | None, obs_mode: str, control_mode: str
+) -> tuple[Any, PolicySpec]:
+    """Return a policy that has been evaluated before as batches hold it, and what it declares.
+
+    Args:
+        policy: name, path or address.
+        task: name of the task.
+        asked: of a server, what was asked of it then.
+        obs_mode: then.
+        control_mode: likewise.
+
+    Raises:
+        PolicyError: as `inspect_policy` and `plan_remote`.
+    """
+    if asked is None:
+        return policy, inspect_policy(policy, task)
+    plan = plan_remote(asked, obs_mode, control_mode)
+    return plan.policy, _spec_of_server(plan)
+
+
+def _spec_of_server(plan: RemotePlan) -> PolicySpec:
+    return PolicySpec(str(plan.policy), plan.obs_mode, plan.control_mode, plan.sampling, plan.config)
 
 
 def inspect_policy(

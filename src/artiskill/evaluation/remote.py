@@ -77,6 +77,12 @@ class RemotePolicy:
         if self.frame is not None:
             Sampling(frame=self.frame)
 
+    @property
+    def steps_of_answer(self) -> int | None:
+        """Actions that are taken of each answer, of a policy whose server has been asked; None for all."""
+        said = None if self.expected is None else self.expected.replan_steps
+        return self.replan_steps or said
+
     def __str__(self) -> str:
         """Return the address."""
         return self.url
@@ -127,11 +133,11 @@ def plan_remote(policy: RemotePolicy, obs_mode: str | None, control_mode: str | 
     said = ask_metadata(policy)
     asked = {"obs_mode": obs_mode, "control_mode": control_mode}
     chosen = {name: value or getattr(said, name) for name, value in asked.items()}
+    _check_modes(policy, said)
     missing = [f"--{name.replace('_', '-')}" for name, value in chosen.items() if value is None]
     if missing:
         clouds = "; for clouds also --points and --frame, else it gets the full ones"
         raise PolicyError(f"{policy} does not say what its policy needs: give {' and '.join(missing)}{clouds}")
-    _check_modes(policy, said)
     given = asked | {name: getattr(policy, name) for name in ("points", "frame", "replan_steps")}
     notes = tuple(
         f"{name} is {value}, though {policy} says {getattr(said, name)}"

@@ -70,16 +70,17 @@ class RemoteChannel:
         """Send a message.
 
         Raises:
-            WireError: the connection is lost, or the server reads too slowly.
+            WireError: the connection is lost, the server reads too slowly, or it has sent more than was asked.
         """
         from websockets.exceptions import ConnectionClosed
 
+        self._check_silent()
         try:
             self._socket.send(message)
         except ConnectionClosed as error:
             if isinstance(error.__cause__, BlockingIOError | ssl.SSLWantWriteError):
                 raise WireError(f"it does not read an observation within {self._limit_s:g} s") from error
-            self._raise_text()
+            self._check_silent()
             raise self._lost(error) from error
 
     def receive(self, what: str, limit_s: float) -> dict[Any, Any]:
@@ -111,8 +112,11 @@ class RemoteChannel:
         """Close it; later calls do nothing."""
         self._socket.close()
 
-    def _raise_text(self) -> None:
-        """Raise what the server said before it closed the connection, if it said that its policy failed."""
+    def _check_silent(self) -> None:
+        """Raise what the server said though nobody asked: that its policy failed, or an answer too many.
+
+        Who took that for the next answer would be one answer late from there on.
+        """
         from websockets.exceptions import ConnectionClosed
 
         try:
@@ -121,6 +125,7 @@ class RemoteChannel:
             return
         if isinstance(message, str):
             raise _failed(message)
+        raise WireError("it sends an answer that nobody asked for")
 
     def _lost(self, error: Any) -> WireError:
         """Return the error of a connection that was closed, by either side."""

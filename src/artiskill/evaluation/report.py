@@ -38,11 +38,11 @@ from artiskill.jobs.parallel import available_cores
 from artiskill.versions import processor_name, versions
 
 REPORT_JSON, EPISODES_CSV, ACTIONS_FILE = "report.json", "episodes.csv", "actions.npz"
-LATENCY_FILE = "latency.csv"  # only of a policy behind a WebSocket; no part of what is verified
+LATENCY_FILE = "latency.csv"  # only of a policy behind a WebSocket; it cannot be made anew
 REPORT_FILES = ("config.yaml", EPISODES_CSV, ACTIONS_FILE, "report.csv", "report.md", REPORT_JSON)
 # what reading an archive may raise: it may end early, be encrypted, or claim shapes beyond all memory
 _DAMAGED = (OSError, KeyError, EOFError, MemoryError, RuntimeError, zipfile.BadZipFile, zlib.error)
-_MOST_ACTION_BYTES = 1_000_000_000  # a thousand times what 50 episodes have
+MOST_ACTION_BYTES = 1_000_000_000  # of all actions of a report: a thousand times what 50 episodes have
 
 
 @dataclass(frozen=True)
@@ -84,6 +84,7 @@ class Report:
         obs_mode: of its observations.
         control_mode: of its actions.
         sampling: of the clouds that it saw; None for the full ones, and in other modes.
+        replan_steps: actions taken of each answer of a server; None for all of them, and for other policies.
         confinement: of a solution file's process; None for other policies.
         levels: first and last; None for fresh ones.
         salt: of fresh levels; else None.
@@ -104,6 +105,7 @@ class Report:
     obs_mode: str
     control_mode: str
     sampling: Sampling | None
+    replan_steps: int | None
     confinement: Confinement | None
     levels: tuple[int, int] | None
     salt: str | None
@@ -132,6 +134,7 @@ class Report:
             "obs_mode": self.obs_mode,
             "control_mode": self.control_mode,
             "sampling": to_mapping(self.sampling),
+            "replan_steps": self.replan_steps,
             "confinement": to_mapping(self.confinement),
             "levels": to_mapping(self.levels),
             "salt": self.salt,
@@ -168,6 +171,7 @@ def make_report(
         obs_mode=plan.obs_mode,
         control_mode=plan.control_mode,
         sampling=plan.batches[0].sampling,
+        replan_steps=plan.replan_steps,
         confinement=plan.confinement,
         levels=(levels[0], levels[-1]) if plan.salt is None else None,
         salt=plan.salt,
@@ -179,7 +183,9 @@ def make_report(
         episodes=episodes,
         config=to_mapping(plan.task.config),
         versions=versions(),
-        timing=timing_of(episodes, seconds, workers) | {"act_ms": _act_ms(episodes), "machine": _machine()},
+        timing=timing_of(episodes, seconds, workers)
+        | {"act_ms": _act_ms(episodes), "machine": _machine()}
+        | _latency_digest(plan.policy_name, episodes),
     )
 
 
@@ -245,15 +251,19 @@ def pack_actions(actions: Sequence[np.ndarray]) -> bytes:
     return file.getvalue()
 
 
-def unpack_actions(file: bytes) -> list[np.ndarray]:
+def unpack_actions(file: bytes, most_bytes: int = MOST_ACTION_BYTES) -> list[np.ndarray]:
     """Return the actions of each episode, (T, A) float64, from a file of `pack_actions`.
+
+    Args:
+        file: its content.
+        most_bytes: that it may unpack to.
 
     Raises:
         ValueError: it is no such file, or too large, or holds numbers that are no actions.
     """
     content = io.BytesIO(file)
     try:
-        check_archive(content, _MOST_ACTION_BYTES)
+        check_archive(content, most_bytes)
         with np.load(content, allow_pickle=False) as arrays:
             names, lengths, planes = sorted(arrays.files), arrays["lengths"], arrays["planes"]
     except _DAMAGED as error:
@@ -304,18 +314,31 @@ def write_report(report: Report, folder: Path | str, is_locked: bool = False) ->
 
 
 def _write_latencies(report: Report, path: Path) -> None:
-    """Write one line per answer of a policy behind a WebSocket; other reports have no such file."""
+    """Write the latencies of a policy behind a WebSocket; other reports have no such file."""
     if as_remote(report.policy) is None:
         path.unlink(missing_ok=True)
         return
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(_latency_csv(report.episodes))
+
+
+def _latency_csv(episodes: Sequence[EpisodeResult]) -> bytes:
+    """Return one line per answer."""
     rows = [
         {"object": e.object, "target": e.target, "level": e.level, "step": step, "ms": f"{1e3 * seconds:.3f}"}
-        for e in report.episodes
+        for e in episodes
         for step, seconds in enumerate(e.act_s.tolist())
         if math.isfinite(seconds)
     ]
-    with atomic_write(path) as temporary:
-        temporary.write_text(_csv(rows), encoding="utf-8")
+    return _csv(rows).encode()
+
+
+def _latency_digest(policy: str, episodes: Sequence[EpisodeResult]) -> dict[str, str]:
+    """Return the entry of `timing` that covers the file of latencies, where there is one."""
+    is_played = any(len(e.act_s) for e in episodes)  # a report that is made anew has the entry of the first one
+    if as_remote(policy) is None or not is_played:
+        return {}
+    return {"latency_sha256": hashlib.sha256(_latency_csv(episodes)).hexdigest()}
 
 
 def report_files(report: Report) -> dict[str, bytes]:

@@ -306,7 +306,9 @@ def _checking(source: PageSource, films: int, verified: VerifyResult | None) -> 
     report = source.stored.report
     command = text(f"artiskill report verify {shlex.quote(str(source.stored.path))}")
     count = "1 episode was" if films == 1 else f"{films} episodes were"
-    said = f"For this page, {count} played again and came out as reported." if films else ""
+    said = f"For this page, {count} played again and came out as reported."
+    if not films:
+        said = "For this page, no episode was played again: what it says was read from the report's files."
     if verified is not None:
         said = (
             f"For this page, all {verified.episodes:,} episodes ({verified.steps:,} steps) were played again and "

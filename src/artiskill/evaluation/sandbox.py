@@ -35,6 +35,7 @@ _CONFINED = (FILES, NETWORK, MEMORY, PROCESSES, PRIVILEGES)
 _PROMISED: Mapping[str, tuple[str, ...]] = {BUBBLEWRAP: _CONFINED, LANDLOCK: _CONFINED, LIMITS: (), NONE: ()}
 _GB = 10**9
 _FILE_SIZE = 2 * _GB  # of one file that it writes, and of a temporary folder in memory
+_SAID = "solution: "
 _MOST_OUTPUT = 1_000_000  # characters that a process may print
 _STARTING_S = 30.0  # for what a process prints as it ends
 _ENDING_S = 0.5
@@ -259,7 +260,10 @@ class SandboxedProcess:
 
 
 class _Relay(threading.Thread):
-    """Prints what a process prints, but for control characters, and no more than a person would read."""
+    """Prints what a process prints, but for control characters, and no more than a person would read.
+
+    Each line says whose it is, so that none is taken for the evaluator's.
+    """
 
     def __init__(self, stream: IO[bytes]) -> None:
         super().__init__(daemon=True)
@@ -277,10 +281,9 @@ class _Relay(threading.Thread):
         text = "".join(c for c in line if c.isprintable() or c in "\n\t")
         self.last_line = text.strip() or self.last_line
         self._rest -= len(text)
+        shown = text if self._rest > 0 else "(what it prints from here on is not shown)"
         with suppress(OSError, ValueError):  # this process's own stream is closed
-            sys.stderr.write(
-                text if self._rest > 0 else "\n(what the solution prints from here on is not shown)\n"
-            )
+            sys.stderr.write(f"{_SAID}{shown.rstrip()}\n")
             sys.stderr.flush()
 
 

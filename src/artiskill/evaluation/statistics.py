@@ -159,16 +159,13 @@ def cluster_interval(sums: Sequence[int], counts: Sequence[int]) -> Interval | N
         counts: of each cluster's members.
 
     Returns:
-        Lower and upper bound; both the mean where all clusters have the same; None with fewer than two clusters.
+        Lower and upper bound; None where all clusters have the same mean: nothing is known of their spread.
     """
     from scipy.stats import bootstrap
 
-    if len(sums) < 2:
-        return None
     totals, sizes = np.asarray(sums, dtype=np.float64), np.asarray(counts, dtype=np.float64)
     if (totals * sizes[0] == totals[0] * sizes).all():
-        mean = round(float(totals[0] / sizes[0]), _DIGITS)
-        return mean, mean
+        return None
 
     def mean_of(totals: np.ndarray, sizes: np.ndarray, axis: int = -1) -> np.ndarray:
         found: np.ndarray = totals.sum(axis=axis) / sizes.sum(axis=axis)
@@ -180,6 +177,32 @@ def cluster_interval(sums: Sequence[int], counts: Sequence[int]) -> Interval | N
     return round(float(found.low), _DIGITS), round(float(found.high), _DIGITS)
 
 
+def paired_interval(gains: Sequence[Sequence[int]]) -> Interval | None:
+    """Return the 95 % interval of the mean of paired differences, by bootstrap over objects, then levels.
+
+    Each resample draws objects, and then, of each that was drawn, as many of its episodes as it has, both with
+    replacement (A. C. Davison and D. V. Hinkley, "Bootstrap Methods and their Application", 1997, section 3.8).
+    The bounds are quantiles of the resamples' means, from a fixed seed, rounded to four digits. With one object,
+    levels alone are drawn.
+
+    Args:
+        gains: by object, the difference of each episode: -1, 0 or 1.
+
+    Returns:
+        Lower and upper bound; None where all differences are the same: nothing is known of their spread.
+    """
+    if len({gain for one in gains for gain in one}) < 2:
+        return None
+    generator = np.random.Generator(np.random.PCG64(0))
+    counts = np.array([[list(one).count(value) for value in (-1, 0, 1)] for one in gains])  # (K, 3)
+    sizes = counts.sum(axis=1)
+    drawn = generator.integers(len(gains), size=(_RESAMPLES, len(gains)))
+    found = generator.multinomial(sizes[drawn], (counts / sizes[:, None])[drawn])  # (R, K, 3)
+    means = (found[..., 2] - found[..., 0]).sum(axis=1) / sizes[drawn].sum(axis=1)
+    low, high = np.quantile(means, (0.025, 0.975)).tolist()
+    return round(low, _DIGITS), round(high, _DIGITS)
+
+
 @dataclass(frozen=True)
 class Comparison:
     """Two policies on the same episodes.
@@ -188,8 +211,7 @@ class Comparison:
         first: statistics of the first one.
         second: statistics of the second one.
         difference: success rate of the second minus that of the first.
-        interval: 95 % interval of the difference, by bootstrap over what `over` says.
-        over: `objects`, or `levels` where there is one object only.
+        interval: 95 % interval of the difference, see `paired_interval`.
         only_first: episodes that the first one alone solved.
         only_second: episodes that the second one alone solved.
         by_object: object -> success rates of both.
@@ -199,7 +221,6 @@ class Comparison:
     second: EpisodeStatistics
     difference: float
     interval: Interval | None
-    over: str
     only_first: int
     only_second: int
     by_object: dict[str, tuple[float, float]]
@@ -216,13 +237,11 @@ def compare_episodes(first: Sequence[EpisodeResult], second: Sequence[EpisodeRes
     gains = [other.success - one.success for one, other in zip(first, second, strict=True)]
     names = list(dict.fromkeys(one.object for one in first))
     rows = {name: [k for k, one in enumerate(first) if one.object == name] for name in names}
-    clusters = list(rows.values()) if len(rows) > 1 else [[k] for k in rows[names[0]]]
     return Comparison(
         first=summarize(first),
         second=summarize(second),
         difference=sum(gains) / len(gains),
-        interval=cluster_interval([sum(gains[k] for k in one) for one in clusters], [len(k) for k in clusters]),
-        over="objects" if len(rows) > 1 else "levels",
+        interval=paired_interval([[gains[k] for k in at] for at in rows.values()]),
         only_first=gains.count(-1),
         only_second=gains.count(1),
         by_object={name: (_rate(first, at), _rate(second, at)) for name, at in rows.items()},

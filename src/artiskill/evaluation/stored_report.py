@@ -3,6 +3,7 @@
 import csv
 import io
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,11 +13,12 @@ import numpy as np
 
 from artiskill.config import check, check_positive, from_mapping
 from artiskill.envs.wrappers import Sampling
-from artiskill.errors import ConfigError, check_name
+from artiskill.errors import ConfigError, check_name, shown
 from artiskill.evaluation.protocols import PRIVILEGED, TRACKS
 from artiskill.evaluation.report import (
     ACTIONS_FILE,
     EPISODES_CSV,
+    MOST_ACTION_BYTES,
     REPORT_FILES,
     REPORT_JSON,
     actions_sha256,
@@ -30,6 +32,8 @@ from artiskill.files import parse_json, read_bytes
 from artiskill.tasks.levels import MAX_LEVEL
 
 _MOST_LEVELS = 1_000_000
+_MOST_STEP_BYTES = 8 * 64  # of an action: joints of two arms are 22
+_ARCHIVE_BYTES = 1_000_000  # besides: lengths, headers
 
 
 @dataclass(frozen=True)
@@ -71,6 +75,7 @@ class StoredTiming:
     steps_per_s: float
     act_ms: StoredLatency | None = None
     machine: StoredMachine | None = None
+    latency_sha256: str | None = None
 
     def __post_init__(self) -> None:
         check_positive(self, "seconds", "workers")
@@ -89,6 +94,7 @@ class StoredReport(EpisodeStatistics):
     obs_mode: str
     control_mode: str
     sampling: Sampling | None
+    replan_steps: int | None
     confinement: Confinement | None
     levels: tuple[int, int] | None
     salt: str | None
@@ -101,6 +107,7 @@ class StoredReport(EpisodeStatistics):
     sha256: str
 
     def __post_init__(self) -> None:
+        _check_texts(self)
         check((self.levels is None) != (self.salt is None), "a report has either levels or a salt")
         check_name("track", self.track or PRIVILEGED, (*TRACKS, PRIVILEGED))
         check(len(self.objects) > 0, "objects must not be empty")
@@ -114,6 +121,20 @@ class StoredReport(EpisodeStatistics):
         if self.levels is None:
             return tuple(range(self.objects[0].episodes))
         return tuple(range(self.levels[0], self.levels[1] + 1))
+
+
+def _check_texts(report: StoredReport) -> None:
+    """Refuse texts that would do something to a terminal or a page; names of objects and flags are compared."""
+    machine = report.timing.machine
+    texts = [report.policy, report.protocol, report.salt, *report.versions, *report.versions.values()]
+    texts += [] if machine is None else [machine.processor, machine.system]
+    for text in filter(None, texts):
+        check(text.isprintable(), f"{shown(text)} is not one line of printable text")
+    digest = report.policy_sha256
+    check(
+        digest is None or re.fullmatch("[0-9a-f]{64}", digest) is not None,
+        f"policy_sha256 must be 64 hexadecimal digits, not {shown(digest)}",
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +174,16 @@ class ReportFolder:
             raise ConfigError(f"{str(self.path)!r} is damaged or forged; `artiskill report verify` says where")
         return found
 
+    def unpacked(self) -> list[np.ndarray]:
+        """Return the numbers of the file of actions, (T, A) of each episode, whatever the report says of them.
+
+        Raises:
+            ValueError: as `unpack_actions`; or it unpacks to more than so many episodes can have.
+        """
+        steps = self.report.config.get("episode_steps")
+        most = len(self.rows) * (steps if isinstance(steps, int) else 0) * _MOST_STEP_BYTES + _ARCHIVE_BYTES
+        return unpack_actions(self.files[ACTIONS_FILE], min(most, MOST_ACTION_BYTES))
+
     def actions(self) -> list[np.ndarray]:
         """Return the actions of each episode, (T, A).
 
@@ -160,7 +191,7 @@ class ReportFolder:
             ConfigError: the file is damaged, or holds other actions than those of the report.
         """
         try:
-            found = unpack_actions(self.files[ACTIONS_FILE])
+            found = self.unpacked()
             widths = {one.shape[1] for one in found}
             check(len(found) == len(self.rows), f"it has {len(found)} episodes, {EPISODES_CSV} {len(self.rows)}")
             is_same = len(widths) == 1 and actions_sha256(*join_actions(found)) == self.report.actions_sha256

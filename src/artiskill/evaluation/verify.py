@@ -5,6 +5,7 @@ from actions (who chose them, who says which track, how long it took) is covered
 something was changed, not what is true.
 """
 
+import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,18 +19,19 @@ from artiskill.config import check, differing
 from artiskill.errors import ArtiSkillError, ConfigError, shown
 from artiskill.evaluation.action_replay import ReplayJob, replay, replay_jobs
 from artiskill.evaluation.evaluate import Result, prepare_workers, run_evaluation
-from artiskill.evaluation.plan import EpisodeBatch, EvaluationPlan, inspect_policy, name_batches
+from artiskill.evaluation.plan import EpisodeBatch, EvaluationPlan, inspect_again, name_batches
 from artiskill.evaluation.policies import policy_digest, policy_of_task
 from artiskill.evaluation.protocols import ANY_TARGET, TRACKS
+from artiskill.evaluation.remote import RemotePolicy, as_remote
 from artiskill.evaluation.report import (
     ACTIONS_FILE,
+    LATENCY_FILE,
     REPORT_FILES,
     REPORT_JSON,
     make_report,
     mapping_sha256,
     report_files,
     timing_of,
-    unpack_actions,
 )
 from artiskill.evaluation.sandbox import SandboxConfig
 from artiskill.evaluation.statistics import (
@@ -38,7 +40,7 @@ from artiskill.evaluation.statistics import (
     compare_episodes,
 )
 from artiskill.evaluation.stored_report import ReportFolder, StoredReport, read_report
-from artiskill.files import parse_json
+from artiskill.files import parse_json, read_bytes
 from artiskill.jobs.parallel import check_workers, run_jobs
 from artiskill.jobs.worker import Send
 from artiskill.tasks.registry import make_task
@@ -78,7 +80,7 @@ def verify_report(
     stored = read_report(folder)
     try:
         plan = plan_again(stored.report, objects)
-        actions = unpack_actions(stored.files[ACTIONS_FILE])
+        actions = stored.unpacked()
         if len(actions) != plan.num_episodes:
             rows = f"{len(plan.batches)} rows of {len(plan.batches[0].levels)} levels"
             raise ConfigError(f"{ACTIONS_FILE} has {len(actions)} episodes, {REPORT_JSON} {rows}")
@@ -113,8 +115,11 @@ def plan_again(report: StoredReport, objects: Sequence[str | ArticulatedObject] 
         batches.append(EpisodeBatch(*parts, checked_hash(item), report.sampling))
     named, protocol = name_batches(task, tuple(batches), report.salt)
     policy = report.policy, report.policy, report.policy_sha256
-    held = report.confinement
-    return EvaluationPlan(task, *policy, *modes, named, protocol, report.salt, report.track, confinement=held)
+    return EvaluationPlan(
+        *(task, *policy, *modes, named, protocol, report.salt, report.track),
+        replan_steps=report.replan_steps,
+        confinement=report.confinement,
+    )
 
 
 def _play_again(
@@ -152,11 +157,19 @@ def _changed(stored: ReportFolder) -> Iterator[str]:
     digest = mapping_sha256(stored.mapping)
     if stored.report.sha256 != digest:
         yield f"{REPORT_JSON} was changed: its content's sha256 is {digest}, not {stored.report.sha256}"
+    if stored.report.timing.latency_sha256 != _latency_sha256(stored.path):
+        yield f"{LATENCY_FILE} is another one than the report had, or missing, or new"
     if stored.report.track in TRACKS and stored.report.obs_mode == "state":
         yield f"track {stored.report.track!r} is of policies that see 'pointcloud' or 'rgbd', not 'state'"
     python = {"python": ""}  # the bits do not depend on it
     if other := differing(stored.report.versions | python, versions() | python):
         yield f"made with other versions, which may give other numbers: {'; '.join(other)}"
+
+
+def _latency_sha256(folder: Path) -> str | None:
+    """Return the SHA-256 of a report's file of latencies; None if there is none."""
+    path = folder / LATENCY_FILE
+    return hashlib.sha256(read_bytes(path)).hexdigest() if path.is_file() else None
 
 
 def _different(
@@ -222,10 +235,20 @@ def verify_policy(
     """
     stored = read_report(folder)
     check(count >= 1, f"the number of objects to play again must be at least 1, not {count}")
-    policy = policy_of_task(policy, stored.report.task)
-    plan, spec = plan_again(stored.report, objects), inspect_policy(policy, stored.report.task)
-    if policy_digest(policy) != stored.report.policy_sha256 or spec.sampling != stored.report.sampling:
-        return VerifyResult(0, 0, (f"{policy} is not the policy of the report: its sha256 or sampling differs",))
+    report, plan = stored.report, plan_again(stored.report, objects)
+    name = policy_of_task(policy, report.task)
+    remote = _asked_again(name, report)
+    policy, spec = inspect_again(name, report.task, remote, report.obs_mode, report.control_mode)
+    differs = [
+        part
+        for part, ours, theirs in (
+            ("sha256", policy_digest(policy), report.policy_sha256),
+            ("sampling", spec.sampling, report.sampling),
+        )
+        if ours != theirs
+    ]
+    if differs:
+        return VerifyResult(0, 0, (f"{name} is not the policy of the report: other {' and '.join(differs)}",))
     actions, per_row = stored.actions(), len(plan.batches[0].levels)
     check(
         len(actions) == plan.num_episodes, f"{ACTIONS_FILE} has {len(actions)} episodes, not {plan.num_episodes}"
@@ -238,6 +261,15 @@ def verify_policy(
     expected = [actions[row * per_row + k] for row in rows for k in range(per_row)]
     faults = [_acts_otherwise(result, wanted) for result, wanted in zip(played, expected, strict=True)]
     return VerifyResult(len(played), sum(result.length for result in played), tuple(filter(None, faults)))
+
+
+def _asked_again(policy: str, report: StoredReport) -> RemotePolicy | None:
+    """Return a policy behind a WebSocket with what was asked of it for a report; None for any other policy."""
+    remote, seen = as_remote(policy), report.sampling
+    if remote is None:
+        return None
+    points, frame = (None, None) if seen is None else (seen.num_points, seen.frame)
+    return replace(remote, points=points, frame=frame, replan_steps=report.replan_steps)
 
 
 def _acts_otherwise(result: EpisodeResult, actions: np.ndarray) -> str:

@@ -54,6 +54,8 @@ _DIRECTION_DEG, _SIZE_PX = (226.0, 22.0), (640, 480)
 # for a few pictures more
 _LAST_S, _NO_CAPTION_S = 1.0, 1.0
 _CLIENT_TITLE = "<title>Viser</title>"
+# a replay on a page that is higher than wide: a picture as wide as it, in which the scene is whole
+_HIGH_PAGES = "<style>@media (max-aspect-ratio: 1/1) { body, #root { height: 75vw !important; } }</style>"
 _OVER = "the episode ends at this step: go back to an earlier one"
 
 
@@ -448,7 +450,7 @@ def export_episode(
         caption.text = ""
         recording.insert_sleep(_NO_CAPTION_S)
         page = recording.as_html()
-    page = page.replace(_CLIENT_TITLE, f"<title>{html.escape(timeline.title)}</title>", 1)
+    page = page.replace(_CLIENT_TITLE, f"<title>{html.escape(timeline.title)}</title>{_HIGH_PAGES}", 1)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic_write(path) as temporary:
