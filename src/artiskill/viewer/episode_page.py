@@ -50,9 +50,9 @@ _POSES_PER_S, _TEXT_PER_S, _SENSORS_PER_S, _UPDATES_PER_S = 30.0, 10.0, 5.0, 60.
 _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f7f7f", "#000000")
 # from where scenes are looked at first: cabinets face -x, and robots stand before them
 _DIRECTION_DEG, _SIZE_PX = (226.0, 22.0), (640, 480)
-# for which a replay stays at its end, and then without a caption: a browser that begins anew shows the last text
-# for a few pictures more
-_LAST_S, _NO_CAPTION_S = 1.0, 1.0
+# for which a replay stays at its end; then its caption is hidden, also for the first steps: a browser that begins
+# anew takes a while to lay the first text out, and shows the last one until then
+_LAST_S, _NO_CAPTION_S, _NO_CAPTION_STEPS = 1.0, 0.5, 10
 _CLIENT_TITLE = "<title>Viser</title>"
 # a replay on a page that is higher than wide: a picture as wide as it, in which the scene is whole
 _HIGH_PAGES = "<style>@media (max-aspect-ratio: 1/1) { body, #root { height: 75vw !important; } }</style>"
@@ -434,20 +434,23 @@ def export_episode(
         add_stage(server, load_render_config())
         _place_camera(server, timeline, has_panel=False)
         caption = view.add_caption()
+        caption.visible = False
         recording = server.get_scene_serializer()
         while True:
             moment = player.moment
             snapshot = moment.context.snapshot
             view.set_poses(snapshot.body_position_w[0], snapshot.body_quaternion_w[0])
             caption.text = _caption(moment)
+            if player.position == _NO_CAPTION_STEPS:
+                caption.visible = True
             recording.insert_sleep(snapshot.step_s)
             on_step(player.position)
             player.step()
             if player.position == moment.context.elapsed:
                 break
-        caption.text = _caption(player.moment)  # which may end by a fault
+        caption.text, caption.visible = _caption(player.moment), True  # which may end by a fault
         recording.insert_sleep(_LAST_S)
-        caption.text = ""
+        caption.visible = False
         recording.insert_sleep(_NO_CAPTION_S)
         page = recording.as_html()
     page = page.replace(_CLIENT_TITLE, f"<title>{html.escape(timeline.title)}</title>{_HIGH_PAGES}", 1)
