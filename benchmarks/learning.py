@@ -37,8 +37,13 @@ from artiskill.learning.network_config import NETWORKS, load_network_config
 from artiskill.learning.networks import make_network
 from artiskill.learning.observation import ObservationLayout
 from artiskill.learning.set_sources import SetOptions
-from artiskill.learning.train_config import OFFLINE as ALGORITHMS
-from artiskill.learning.train_config import algorithm_class, algorithm_config, load_train_config
+from artiskill.learning.train_config import (
+    ALGORITHMS,
+    OF_COMMANDS,
+    algorithm_class,
+    algorithm_config,
+    load_train_config,
+)
 from artiskill.learning.training_set import (
     FRAMES,
     MANIFEST,
@@ -260,7 +265,12 @@ def main() -> None:
     for part in arguments.parts:
         if part not in parts:
             parser.error(f"unknown part {part!r}; legal: {', '.join(parts)}")
-    pairs = [(network, algorithm) for network in arguments.networks for algorithm in ALGORITHMS]
+    pairs = [
+        (network, algorithm)
+        for network in arguments.networks
+        for algorithm in ALGORITHMS
+        if algorithm not in OF_COMMANDS
+    ]
     if "reading" in arguments.parts:
         report_set(arguments)
     if "training" in arguments.parts:
