@@ -215,6 +215,7 @@ def report_acting(network: str, algorithm: str, folder: Path) -> None:
         algorithm=algorithm,
         control_mode="joint",
         sampling={"num_points": sizes.points},
+        observation_config={},
         frame="world",
         points=sizes.points,
         masks=MASKS,
