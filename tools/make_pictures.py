@@ -19,8 +19,8 @@ from artiskill.evaluation.policies import load_policy
 from artiskill.evaluation.recording import LAST_FRAME_S, EpisodeRecorder, draw_moments, film_style
 from artiskill.evaluation.scene_pictures import PictureStyle
 from artiskill.evaluation.video import write_video
-from artiskill.viewer.episode_page import export_episode
 from artiskill.viewer.playback import LiveEpisode
+from artiskill.viewer.replay import export_episode
 
 # of test cabinets, which the package's policies have never met
 FILMED = (

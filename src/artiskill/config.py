@@ -11,6 +11,7 @@ import math
 import re
 import types
 import typing
+import unicodedata
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -24,6 +25,7 @@ from artiskill.files import MOST_YAML_BYTES, parse_yaml, read_text
 CONFIG_DIR = Path(__file__).parent / "configs"
 
 _MOST_DEPTH = 50  # of nested keys
+_NOT_SHOWN = ("Cc", "Cf", "Cs", "Zl", "Zp")  # Unicode's categories of what is done rather than shown
 _LARGEST_INT = 2**53  # beyond, floats leave whole numbers out, and arrays overflow
 
 T = TypeVar("T")
@@ -206,6 +208,12 @@ def check_not_negative(config: object, *names: str) -> None:
     """Check that each field is zero or positive, and finite."""
     for name in names:
         check_value(config, name, 0 <= getattr(config, name) < math.inf, "must be finite and at least 0")
+
+
+def check_line(what: str, text: str) -> None:
+    """Raise `ConfigError` if a text is not one line that a terminal shows as it is: it may have commands in it."""
+    is_plain = not any(unicodedata.category(c) in _NOT_SHOWN for c in text)
+    check(is_plain, f"{what} {shown(text)} is not one line of printable text")
 
 
 def check_inside(what: str, value: float, limits: Sequence[float]) -> None:

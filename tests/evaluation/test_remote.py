@@ -275,7 +275,14 @@ def test_faults_name_object_and_step(kind: str, workers: int, monkeypatch: pytes
         assert any('File "p.py", line 3\nKeyError' in note for note in caught.value.__notes__)
 
 
-@pytest.mark.parametrize("metadata", [{"replan_steps": 2, "points": 64, "frame": "robot"}, {}])
+@pytest.mark.parametrize(
+    "metadata",
+    [
+        {"replan_steps": 2, "points": 64, "frame": "robot"},
+        {"method": "shares", "settings": {"shares": [1, 1, 1, 1]}},
+        {},
+    ],
+)
 def test_a_server_that_was_overridden_is_asked_the_same_again(metadata: dict[str, Any], tmp_path: Path) -> None:
     """Its actions are those of the step and of the points that it sees, so that other options give others."""
 

@@ -200,6 +200,16 @@ def changed(**values: Any) -> Callable[[Path], object]:
     return change
 
 
+def changed_object(**values: Any) -> Callable[[Path], object]:
+    """Change the first row of report.json and its digest, too."""
+
+    def change(folder: Path) -> None:
+        rows = json.loads((folder / "report.json").read_text())["objects"]
+        changed(objects=[rows[0] | values, *rows[1:]])(folder)
+
+    return change
+
+
 DAMAGED: dict[str, tuple[Callable[[Path], object], str]] = {
     "no file": (lambda at: (at / "episodes.csv").unlink(), "is no whole report"),
     "no JSON": (lambda at: (at / "report.json").write_text("{"), "is no JSON"),
@@ -210,6 +220,7 @@ DAMAGED: dict[str, tuple[Callable[[Path], object], str]] = {
     "wrong types": (changed(versions=[HOSTILE]), "versions"),
     "a terminal's commands": (changed(policy="a\x1b[2J"), r"'a\\x1b\[2J' is not one line of printable text"),
     "a heading": (changed(protocol="a\n\n# 100 % solved"), "is not one line of printable text"),
+    "an object's name": (changed_object(object="\x1b[2J"), "is not one line of printable text"),
     "no hash": (changed(policy_sha256="hello"), "policy_sha256 must be 64 hexadecimal digits, not 'hello'"),
     "a name of no object": (changed(task="OpenCabinetDoor"), "protocol|generated"),
     "a protocol": (changed(protocol="artiskill-1/OpenCabinetDrawer/test/joint/state"), "is not of protocol"),

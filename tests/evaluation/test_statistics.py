@@ -81,6 +81,17 @@ def test_paired_differences_draw_objects_and_then_levels(rng: np.random.Generato
         assert paired_interval(alike) is None, "no width would be a lie"
 
 
+def test_paired_intervals_cover_what_they_say(rng: np.random.Generator) -> None:
+    """Of ten objects, whose true differences have a spread."""
+    covered, tries = 0, 60
+    for _ in range(tries):
+        truths = rng.normal(0.2, 0.2, 10).clip(-1, 1)
+        gains = [(np.sign(truth) * (rng.random(20) < abs(truth))).astype(int).tolist() for truth in truths]
+        low, high = paired_interval(gains) or (0, 0)
+        covered += low <= 0.2 <= high
+    assert covered >= 0.85 * tries
+
+
 def test_two_policies_are_compared_level_by_level() -> None:
     first = played({"a": "+--+", "b": "----", "c": "++++"})
     second = played({"a": "-+++", "b": "+--+", "c": "++++"})

@@ -419,6 +419,23 @@ def test_an_archive_that_unpacks_to_more_than_its_episodes_is_refused(folder: Pa
     assert re.search(r"unpacks to 52 MB, more than the \d MB allowed", faults(tmp_path))
 
 
+def test_a_policy_of_any_name_is_read(report: Report, tmp_path: Path) -> None:
+    write_report(report, tmp_path / "address")
+    path = tmp_path / "address" / "report.json"
+    data = json.loads(path.read_text()) | {"policy": "ws://"}
+    path.write_text(json.dumps(data | {"sha256": mapping_sha256(data)}, indent=2) + "\n")
+    assert all(fault.startswith("report.md: ") for fault in verify_report(tmp_path / "address").faults)
+    write_report(replace(report, policy="my\u00a0policy 💡.py"), tmp_path / "spaces")
+    assert verify_report(tmp_path / "spaces").faults == ()
+
+
+def test_a_name_that_no_report_can_hold_is_refused_beforehand(solution: Callable[[str], Path]) -> None:
+    path = solution(POLICY.format(extra="0"))
+    path = path.rename(path.with_name("a\x1b[2J.py"))
+    with pytest.raises(ConfigError, match=r"a report cannot name the policy: .* is not one line"):
+        plan_evaluation(TASK, path, OBJECTS, 2, config=SHORT)
+
+
 def test_a_policy_that_acts_otherwise_is_found(folder: Path, rng: np.random.Generator) -> None:
     assert verify_policy(folder, "expert", 1, rng).faults == ()
     assert "acts otherwise from step 0 on" in verify_policy(folder, "still", 1, rng).faults[0]

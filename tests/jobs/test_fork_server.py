@@ -50,7 +50,7 @@ def hang(job: Path, send: Send) -> None:
 
 
 def dawdle(job: int, send: Send) -> int:
-    send(Deadline(f"job {job} dawdles", 3.0))
+    send(Deadline(f"job {job} dawdles", 5.0))
     time.sleep(300.0 * (job == 2))
     send(NO_DEADLINE)
     return job

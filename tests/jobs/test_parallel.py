@@ -61,10 +61,10 @@ def hang_or_stumble(job: int, send: Send) -> None:
 
 
 def dawdle(job: int, send: Send) -> int:
-    send(Deadline(f"job {job} dawdles", 3.0))
+    send(Deadline(f"job {job} dawdles", 5.0))
     time.sleep(300.0 * (job == 2))
     send(NO_DEADLINE)
-    time.sleep(3.5)  # within no limit
+    time.sleep(5.5)  # within no limit
     send(job)
     return job
 

@@ -21,9 +21,10 @@ from PIL import Image
 from artiskill.demos.demos import PACK
 from artiskill.evaluation.pictures import EpisodeChoice
 from artiskill.geometry.rotations import transform_points
-from artiskill.viewer.episode_page import EpisodePage, export_episode
+from artiskill.viewer.episode_page import EpisodePage
 from artiskill.viewer.pickers import LivePicker
 from artiskill.viewer.playback import LiveEpisode
+from artiskill.viewer.replay import export_episode
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--use-gl=angle", "--enable-unsafe-swiftshader"]

@@ -19,12 +19,23 @@ from artiskill.errors import ConfigError
 from artiskill.evaluation.evaluate import evaluate
 from artiskill.evaluation.pictures import EpisodeChoice
 from artiskill.evaluation.report import write_report
-from artiskill.viewer.episode_page import EpisodePage, export_episode
+from artiskill.viewer.episode_page import EpisodePage
 from artiskill.viewer.object_page import ObjectPage, faults_of_links, findings_text
 from artiskill.viewer.pickers import DRAWN_BY_LEVEL, DemoPicker, LivePicker, ReportPicker
 from artiskill.viewer.playback import NOT_SOLVED, LiveEpisode
+from artiskill.viewer.replay import export_episode
 
 PERSON = 7  # a client's number
+ONLY_ONCE = """class Policy:
+    obs_mode = 'state'
+    begun = False
+    def reset(self, observation, info):
+        if self.begun:
+            raise RuntimeError('only from the beginning')
+        self.begun = True
+    def act(self, observation):
+        return [0.0] * 13
+"""
 
 
 def use(widget: Any, value: Any) -> None:
@@ -173,11 +184,7 @@ def test_a_policy_that_cannot_begin_in_the_middle_ends_the_episode(
     server: Any, choice: EpisodeChoice, tmp_path: Path
 ) -> None:
     path = tmp_path / "once.py"
-    path.write_text(
-        "class Policy:\n    obs_mode = 'state'\n    begun = False\n    def reset(self, observation, info):\n"
-        "        if self.begun:\n            raise RuntimeError('only from the beginning')\n"
-        "        self.begun = True\n    def act(self, observation):\n        return [0.0] * 13\n"
-    )
+    path.write_text(ONLY_ONCE)
     page = EpisodePage(server, LivePicker(replace(choice, policy=str(path))), plays=False)
     page.player.step(3)
     use(widget(server, "Button", "drive"), True)
@@ -188,6 +195,16 @@ def test_a_policy_that_cannot_begin_in_the_middle_ends_the_episode(
     assert "only from the beginning" in page.player.moment.end
     assert "only from the beginning" in page._state.content
     assert (page.player.position, page.player.is_playing, page.player.at_end) == (6, False, True)
+
+
+def test_an_episode_that_has_ended_stays_as_it_ended(tmp_path: Path, choice: EpisodeChoice) -> None:
+    path = tmp_path / "once.py"
+    path.write_text(ONLY_ONCE)
+    episode = LiveEpisode(replace(choice, policy=str(path), config={"episode_steps": 3}))
+    for _ in range(3):
+        episode.extend()
+    episode.take_over(3, False)
+    assert episode.moment(3).end == NOT_SOLVED
 
 
 def test_nobody_drives_after_the_end(server: Any, choice: EpisodeChoice) -> None:
@@ -218,7 +235,7 @@ def test_a_damaged_demonstration_is_told_on_the_page(server: Any, tmp_path: Path
     use(slider, length)
     page.update()
     assert f"step {length - 4} is another one than was recorded" in page._problem.content
-    assert page.player.position == 0
+    assert (page.player.position, slider.value) == (0, 0)
     use(slider, 2)
     page.update()
     assert (page.player.position, page._problem.visible) == (2, False)

@@ -96,7 +96,7 @@ def print_comparison(first: "StoredReport", second: "StoredReport", found: "Comp
     table = make_table(["object"], ["first", "second", "difference"])
     both = (found.first.success_rate, found.second.success_rate)
     for name, (one, other) in found.by_object.items():
-        table.add_row(name, f"{one:.0%}", f"{other:.0%}", f"{other - one:+.0%}")
+        table.add_row(escape(name), f"{one:.0%}", f"{other:.0%}", f"{other - one:+.0%}")
     table.add_section()
     table.add_row("all", f"{both[0]:.1%}", f"{both[1]:.1%}", f"{found.difference:+.1%}", style="bold")
     console.print(table)
@@ -107,7 +107,8 @@ def print_comparison(first: "StoredReport", second: "StoredReport", found: "Comp
     spread = "no interval: all episodes differ alike"
     if found.interval is not None:
         low, high = found.interval
-        spread = f"95 % interval {low:+.1%} to {high:+.1%} by bootstrap over objects and levels"
+        drawn = "objects and levels" if len(found.by_object) > 1 else "levels"
+        spread = f"95 % interval {low:+.1%} to {high:+.1%} by bootstrap over {drawn}"
     console.print(
         f"second minus first: [bold]{found.difference:+.1%}[/bold] ({spread}); "
         f"of {found.first.episodes} episodes, "

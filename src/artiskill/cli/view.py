@@ -156,7 +156,7 @@ def _live_picker(arguments: argparse.Namespace) -> Any:
 
 
 def _export(picker: Any, path: Path) -> None:
-    from artiskill.viewer.episode_page import export_episode
+    from artiskill.viewer.replay import export_episode
 
     written = export_episode(picker.load(), path)
     print(f"replay: {written} ({written.stat().st_size / 1e6:.1f} MB)")

@@ -9,7 +9,7 @@ from typing import Any
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import checked_hash, load_object, object_id_of, resolve_objects
-from artiskill.config import from_mapping, merge_overrides, to_mapping
+from artiskill.config import check_line, from_mapping, merge_overrides, to_mapping
 from artiskill.envs.control import JOINT
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
 from artiskill.envs.wrappers import Sampling
@@ -201,7 +201,7 @@ def plan_evaluation(
     name = PRETRAINED if policy == PRETRAINED else None
     policy = policy_of_task(policy, task)
     wanted = sandbox if isinstance(sandbox, SandboxConfig) else SandboxConfig(sandbox)
-    policy, actor, notes = _inspect_any(policy, task, obs_mode, control_mode, load_timeout_s, wanted)
+    policy, actor, notes = inspect_any(policy, task, obs_mode, control_mode, load_timeout_s, wanted)
     overrides = merge_overrides(actor.observation_config or {}, config or {})
     resolved = make_task(task, overrides)
     modes = (
@@ -218,6 +218,7 @@ def plan_evaluation(
     batches, protocol = name_batches(resolved, batches, salt)
     track = checked_track(track, isinstance(policy, str) and policy in PRIVILEGED_POLICIES, modes[0])
     called, held = (name or actor.name, policy, policy_digest(policy)), actor.confinement
+    check_line("a report cannot name the policy:", called[0])
     return EvaluationPlan(
         *(resolved, *called, *modes, batches, protocol, salt, track, load_timeout_s, notes),
         replan_steps=policy.steps_of_answer if isinstance(policy, RemotePolicy) else None,
@@ -261,42 +262,33 @@ class PolicySpec:
     confinement: Confinement | None = None
 
 
-def _inspect_any(
+def inspect_any(
     policy: Any,
     task: str,
     obs_mode: str | None,
     control_mode: str | None,
-    load_timeout_s: float,
-    sandbox: SandboxConfig,
+    load_timeout_s: float = LOAD_TIMEOUT_S,
+    sandbox: SandboxConfig | None = None,
 ) -> tuple[Any, PolicySpec, tuple[str, ...]]:
-    """Return a policy as batches hold it, what it needs, and what is done otherwise than its server says."""
+    """Return a policy as batches hold it, what it needs, and what is done otherwise than its server says.
+
+    Args:
+        policy: as `load_policy` takes it.
+        task: name of the task.
+        obs_mode: what a server is asked for; None for what it says.
+        control_mode: likewise.
+        load_timeout_s: see `evaluate`.
+        sandbox: of a solution file.
+
+    Raises:
+        PolicyError: as `inspect_policy` and `plan_remote`.
+    """
     remote = as_remote(policy)
     if remote is None:
         found = inspect_policy(policy, task, load_timeout_s, sandbox)
         return policy if callable(policy) or hasattr(policy, "act") else str(policy), found, ()
     plan = plan_remote(replace(remote, connect_timeout_s=load_timeout_s), obs_mode, control_mode)
     return plan.policy, _spec_of_server(plan), plan.notes
-
-
-def inspect_again(
-    policy: str, task: str, asked: RemotePolicy | None, obs_mode: str, control_mode: str
-) -> tuple[Any, PolicySpec]:
-    """Return a policy that has been evaluated before as batches hold it, and what it declares.
-
-    Args:
-        policy: name, path or address.
-        task: name of the task.
-        asked: of a server, what was asked of it then.
-        obs_mode: then.
-        control_mode: likewise.
-
-    Raises:
-        PolicyError: as `inspect_policy` and `plan_remote`.
-    """
-    if asked is None:
-        return policy, inspect_policy(policy, task)
-    plan = plan_remote(asked, obs_mode, control_mode)
-    return plan.policy, _spec_of_server(plan)
 
 
 def _spec_of_server(plan: RemotePlan) -> PolicySpec:

@@ -176,7 +176,8 @@ def _sampling(policy: RemotePolicy, said: ServerMetadata) -> Sampling | None:
     """Return which points a policy sees; its settings are for as many points as it says itself."""
     asked = {"num_points": policy.points, "frame": policy.frame}
     values = (said.sampling or {}) | {name: value for name, value in asked.items() if value is not None}
-    if policy.points not in (None, said.points):
+    points_said = said.points or (Sampling().num_points if said.sampling else None)
+    if policy.points not in (None, points_said):
         values = {name: value for name, value in values.items() if name != "settings"}
     try:
         return from_mapping(Sampling, values, "its points") if values else None

@@ -252,11 +252,7 @@ def pack_actions(actions: Sequence[np.ndarray]) -> bytes:
 
 
 def unpack_actions(file: bytes, most_bytes: int = MOST_ACTION_BYTES) -> list[np.ndarray]:
-    """Return the actions of each episode, (T, A) float64, from a file of `pack_actions`.
-
-    Args:
-        file: its content.
-        most_bytes: that it may unpack to.
+    """Return the actions of each episode, (T, A) float64, of a `pack_actions` file that is no larger unpacked.
 
     Raises:
         ValueError: it is no such file, or too large, or holds numbers that are no actions.
@@ -336,7 +332,7 @@ def _latency_csv(episodes: Sequence[EpisodeResult]) -> bytes:
 def _latency_digest(policy: str, episodes: Sequence[EpisodeResult]) -> dict[str, str]:
     """Return the entry of `timing` that covers the file of latencies, where there is one."""
     is_played = any(len(e.act_s) for e in episodes)  # a report that is made anew has the entry of the first one
-    if as_remote(policy) is None or not is_played:
+    if not is_played or as_remote(policy) is None:
         return {}
     return {"latency_sha256": hashlib.sha256(_latency_csv(episodes)).hexdigest()}
 

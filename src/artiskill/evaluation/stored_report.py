@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from artiskill.config import check, check_positive, from_mapping
+from artiskill.config import check, check_line, check_positive, from_mapping
 from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ConfigError, check_name, shown
 from artiskill.evaluation.protocols import PRIVILEGED, TRACKS
@@ -124,12 +124,21 @@ class StoredReport(EpisodeStatistics):
 
 
 def _check_texts(report: StoredReport) -> None:
-    """Refuse texts that would do something to a terminal or a page; names of objects and flags are compared."""
-    machine = report.timing.machine
-    texts = [report.policy, report.protocol, report.salt, *report.versions, *report.versions.values()]
+    """Refuse texts that would do something to a terminal or a page."""
+    machine, timing = report.timing.machine, report.timing
+    texts = [
+        report.policy,
+        report.protocol,
+        report.protocol_digest,
+        report.salt,
+        report.sha256,
+        report.actions_sha256,
+    ]
+    texts += [timing.latency_sha256, *report.versions, *report.versions.values()]
+    texts += [text for row in report.objects for text in (row.object, row.target, row.content_hash)]
     texts += [] if machine is None else [machine.processor, machine.system]
     for text in filter(None, texts):
-        check(text.isprintable(), f"{shown(text)} is not one line of printable text")
+        check_line("the text", text)
     digest = report.policy_sha256
     check(
         digest is None or re.fullmatch("[0-9a-f]{64}", digest) is not None,

@@ -19,7 +19,7 @@ from artiskill.config import check, differing
 from artiskill.errors import ArtiSkillError, ConfigError, shown
 from artiskill.evaluation.action_replay import ReplayJob, replay, replay_jobs
 from artiskill.evaluation.evaluate import Result, prepare_workers, run_evaluation
-from artiskill.evaluation.plan import EpisodeBatch, EvaluationPlan, inspect_again, name_batches
+from artiskill.evaluation.plan import EpisodeBatch, EvaluationPlan, inspect_any, name_batches
 from artiskill.evaluation.policies import policy_digest, policy_of_task
 from artiskill.evaluation.protocols import ANY_TARGET, TRACKS
 from artiskill.evaluation.remote import RemotePolicy, as_remote
@@ -46,6 +46,7 @@ from artiskill.jobs.worker import Send
 from artiskill.tasks.registry import make_task
 from artiskill.versions import versions
 
+_MOST_LATENCY_BYTES = 500_000_000  # ten million answers
 _MOST_FAULTS = 20  # that are listed of one file
 _NAME_KEYS = ("name", "motion")  # of a task's configuration, which no override may hold
 
@@ -167,9 +168,15 @@ def _changed(stored: ReportFolder) -> Iterator[str]:
 
 
 def _latency_sha256(folder: Path) -> str | None:
-    """Return the SHA-256 of a report's file of latencies; None if there is none."""
+    """Return the SHA-256 of a report's file of latencies; None if there is none, a reason if it cannot be read."""
     path = folder / LATENCY_FILE
-    return hashlib.sha256(read_bytes(path)).hexdigest() if path.is_file() else None
+    try:
+        if not path.exists():
+            return None
+        check(path.stat().st_size <= _MOST_LATENCY_BYTES, "it is too large")
+        return hashlib.sha256(read_bytes(path)).hexdigest()
+    except (OSError, ConfigError) as error:
+        return str(error)
 
 
 def _different(
@@ -237,8 +244,8 @@ def verify_policy(
     check(count >= 1, f"the number of objects to play again must be at least 1, not {count}")
     report, plan = stored.report, plan_again(stored.report, objects)
     name = policy_of_task(policy, report.task)
-    remote = _asked_again(name, report)
-    policy, spec = inspect_again(name, report.task, remote, report.obs_mode, report.control_mode)
+    asked = _asked_again(name, report) or name
+    policy, spec, _ = inspect_any(asked, report.task, report.obs_mode, report.control_mode)
     differs = [
         part
         for part, ours, theirs in (

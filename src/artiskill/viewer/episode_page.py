@@ -1,9 +1,10 @@
-"""The page of an episode: what is chosen, played, switched on and read in the panel beside the scene; and exports.
+"""The page of an episode: what is chosen, played, switched on and read in the panel beside the scene.
 
 Callbacks of the browser come in threads of their own. They only put commands into a queue, which `run` obeys: all
 of the page's state has one thread.
 """
 
+import contextlib
 import html
 import queue
 import time
@@ -14,13 +15,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from artiskill.errors import ArtiSkillError, ConfigError
+from artiskill.errors import ArtiSkillError
 from artiskill.evaluation.recording import shown_points
-from artiskill.files import atomic_write, check_output_folder, output_path
 from artiskill.sensors.pictures.framing import framing_camera
 from artiskill.sensors.render_config import load_render_config
 from artiskill.sim.simulation import contacts_of
-from artiskill.viewer import serving
 from artiskill.viewer.driving import Do, HandPanel, from_browser
 from artiskill.viewer.overlays import CONTACTS, PICTURES, ContactView, SensorView
 from artiskill.viewer.playback import (
@@ -50,12 +49,6 @@ _POSES_PER_S, _TEXT_PER_S, _SENSORS_PER_S, _UPDATES_PER_S = 30.0, 10.0, 5.0, 60.
 _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f7f7f", "#000000")
 # from where scenes are looked at first: cabinets face -x, and robots stand before them
 _DIRECTION_DEG, _SIZE_PX = (226.0, 22.0), (640, 480)
-# for which a replay stays at its end; then its caption is hidden, also for the first steps: a browser that begins
-# anew takes a while to lay the first text out, and shows the last one until then
-_LAST_S, _NO_CAPTION_S, _NO_CAPTION_STEPS = 1.0, 0.5, 10
-_CLIENT_TITLE = "<title>Viser</title>"
-# a replay on a page that is higher than wide: a picture as wide as it, in which the scene is whole
-_HIGH_PAGES = "<style>@media (max-aspect-ratio: 1/1) { body, #root { height: 75vw !important; } }</style>"
 _OVER = "the episode ends at this step: go back to an earlier one"
 
 
@@ -102,7 +95,7 @@ class EpisodePage:
         self.player = Player(self._load())
         with server.atomic():
             add_stage(server, load_render_config())
-            _place_camera(server, self.player.timeline)
+            look_at_episode(server, self.player.timeline)
             self.view = self._enter()
             self._show_poses()
         show_above_panel(server)
@@ -144,7 +137,7 @@ class EpisodePage:
         before = self.player.timeline
         before.close()
         if timeline.task.name != before.task.name:
-            _place_camera(self._server, timeline)
+            look_at_episode(self._server, timeline, moves_pages=True)
         layers, speed = self.view.shown, self.player.speed
         self.view.remove()
         self._hand.detach()
@@ -317,7 +310,7 @@ class EpisodePage:
             self._hand.attach(timeline.hand)
         else:
             self._hand.detach()
-        self._hand.note.content = _OVER if is_over else ""
+        self._hand.note.content = _OVER if by_hand and is_over else ""
         if is_over:
             self.player.pause()
         elif self._plays:
@@ -376,9 +369,11 @@ class EpisodePage:
         """Do something; an error stops the episode and stands on the page, which goes on."""
         try:
             command()
-        except (ArtiSkillError, IndexError) as error:
+        except (ArtiSkillError, LookupError) as error:
             self.player.pause()
             self._problem.content, self._problem.visible = f"**error:** {html.escape(str(error))}", True
+            with contextlib.suppress(ArtiSkillError):
+                self.show()  # as it was: the slider may stand elsewhere
 
     def run(self) -> None:
         """Show the episode until the process is interrupted."""
@@ -391,73 +386,14 @@ class EpisodePage:
             self.player.timeline.close()
 
 
-def _caption(moment: Moment) -> str:
-    return " · ".join(part for part in (moment.progress, moment.end) if part)
-
-
 def _title(timeline: Timeline) -> str:
     return f"**{html.escape(timeline.title)}**"
 
 
-def _place_camera(server: Any, timeline: Timeline, has_panel: bool = True) -> None:
+def look_at_episode(server: Any, timeline: Timeline, has_panel: bool = True, moves_pages: bool = False) -> None:
     """Have the camera see robot and object whole."""
     scene, snapshot = timeline.scene, timeline.moment(0).context.snapshot
     points = shown_points(scene, [snapshot])[0]
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     eye = framing_camera(points, *_DIRECTION_DEG, *_SIZE_PX).position_w
-    place_camera(server, eye, middle, has_panel)
-
-
-def export_episode(
-    timeline: Timeline, path: Path | str, on_step: Callable[[int], None] = lambda step: None
-) -> Path:
-    """Write an episode, to its end, as one HTML file that plays it without a server.
-
-    Args:
-        timeline: of the episode.
-        path: ends in `.html`.
-        on_step: called with the number of steps so far.
-
-    Raises:
-        ConfigError: an illegal path.
-        MissingExtraError: viser is not installed.
-    """
-    path = output_path(path)
-    if path.suffix.lower() not in (".html", ".htm"):
-        raise ConfigError(f"a replay's name must end in .html, not {path.name!r}")
-    check_output_folder(path.parent)
-    with serving(port=0) as server:
-        player, scene = Player(timeline), timeline.scene
-        bodies, first = scene_bodies(scene), scene.index.object_bodies.start
-        view = SceneView(server, bodies, scene.object, first, timeline.target)
-        view.show_layer(TARGET, True)
-        add_stage(server, load_render_config())
-        _place_camera(server, timeline, has_panel=False)
-        caption = view.add_caption()
-        caption.visible = False
-        recording = server.get_scene_serializer()
-        while True:
-            moment = player.moment
-            snapshot = moment.context.snapshot
-            view.set_poses(snapshot.body_position_w[0], snapshot.body_quaternion_w[0])
-            caption.text = _caption(moment)
-            if player.position == _NO_CAPTION_STEPS:
-                caption.visible = True
-            recording.insert_sleep(snapshot.step_s)
-            on_step(player.position)
-            player.step()
-            if player.position == moment.context.elapsed:
-                break
-        caption.text, caption.visible = _caption(player.moment), True  # which may end by a fault
-        recording.insert_sleep(_LAST_S)
-        caption.visible = False
-        recording.insert_sleep(_NO_CAPTION_S)
-        page = recording.as_html()
-    page = page.replace(_CLIENT_TITLE, f"<title>{html.escape(timeline.title)}</title>{_HIGH_PAGES}", 1)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_write(path) as temporary:
-            temporary.write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"cannot write the replay {str(path)!r}: {error.strerror or error}") from error
-    return path
+    place_camera(server, eye, middle, has_panel, moves_pages)

@@ -218,6 +218,8 @@ class LiveEpisode(Timeline):
         self.is_complete = info["success"] or last.state.elapsed >= self.task.config.episode_steps
         if not self.is_complete and last.end:  # a fault, of which there may be none now
             self._moments[-1] = replace(last, end="")
+        if self.is_complete:
+            return
         try:
             (self.hand if by_hand else self._actor).reset(self._env, self._observation, info)
         except (PolicyError, *FAULTS) as error:

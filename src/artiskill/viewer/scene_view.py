@@ -281,8 +281,10 @@ def add_stage(server: Any, config: RenderConfig) -> None:
     scene.set_background_image(np.tile((255 * sky).astype(np.uint8)[:, None], (1, 4, 1)), format="png")
 
 
-def place_camera(server: Any, eye_w: Any, look_at_w: Any, has_panel: bool = True) -> None:
-    """Place the camera of all pages, those that are open and all later ones, beside a panel if there is one."""
+def place_camera(
+    server: Any, eye_w: Any, look_at_w: Any, has_panel: bool = True, moves_pages: bool = False
+) -> None:
+    """Place the camera from which pages look first, beside a panel if there is one, and that of open pages."""
     eye, look_at = np.asarray(eye_w, dtype=float), np.asarray(look_at_w, dtype=float)
     eye = look_at + (_ROOM_BESIDE if has_panel else _ROOM) * (eye - look_at)
     right = np.cross(look_at - eye, (0.0, 0.0, 1.0))  # as long as the distance, nearly
@@ -290,7 +292,7 @@ def place_camera(server: Any, eye_w: Any, look_at_w: Any, has_panel: bool = True
     server.initial_camera.position = eye + aside
     server.initial_camera.look_at = look_at + aside
     server.initial_camera.fov = _FOV_RAD
-    for client in server.get_clients().values():
+    for client in server.get_clients().values() if moves_pages else ():
         _look_first(server, client.camera)
 
 
