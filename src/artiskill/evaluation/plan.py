@@ -34,7 +34,7 @@ from artiskill.evaluation.protocols import (
     name_protocol,
     protocol_digest,
 )
-from artiskill.evaluation.remote import RemotePlan, RemotePolicy, as_remote, plan_remote
+from artiskill.evaluation.remote import RemotePolicy, as_remote, plan_remote
 from artiskill.evaluation.sandbox import Confinement, SandboxConfig
 from artiskill.jobs.parallel import run_jobs
 from artiskill.jobs.worker import Send
@@ -288,11 +288,8 @@ def inspect_any(
         found = inspect_policy(policy, task, load_timeout_s, sandbox)
         return policy if callable(policy) or hasattr(policy, "act") else str(policy), found, ()
     plan = plan_remote(replace(remote, connect_timeout_s=load_timeout_s), obs_mode, control_mode)
-    return plan.policy, _spec_of_server(plan), plan.notes
-
-
-def _spec_of_server(plan: RemotePlan) -> PolicySpec:
-    return PolicySpec(str(plan.policy), plan.obs_mode, plan.control_mode, plan.sampling, plan.config)
+    needs = plan.obs_mode, plan.control_mode, plan.sampling, plan.config
+    return plan.policy, PolicySpec(str(remote), *needs), plan.notes
 
 
 def inspect_policy(
