@@ -13,7 +13,14 @@ from artiskill.errors import AssetError, ConfigError, UnknownNameError
 from artiskill.scene.scene import build_scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.cabinet_measures import MEASURES, finger_distances, hand_angle, measure, measure_by_arrays
+from artiskill.tasks.cabinet_measures import (
+    MEASURES,
+    Limits,
+    finger_distances,
+    hand_angle,
+    measure,
+    measure_by_arrays,
+)
 from artiskill.tasks.levels import MAX_LEVEL, RngStream, check_level, level_generator
 from artiskill.tasks.open_cabinet import CabinetGoal, make_cabinet_goal
 from artiskill.tasks.registry import make_task
@@ -123,20 +130,60 @@ def shaken(snapshot: Snapshot) -> Snapshot:
 def test_kernels_measure_what_the_array_code_defines(
     moving: tuple[Snapshot, CabinetGoal], cabinet: ArticulatedObject
 ) -> None:
-    limits = 0.015, 0.1, 1.0
+    never, ajar = Limits(0.015, 0.1, 1.0), Limits(0.015, 0.1, 1.0, (0.1, 0.9))
     held, gripped = gripping(cabinet, "link_3")
-    for snapshot, goal in ((shaken(moving[0]), moving[1]), (shaken(held), gripped)):
-        kernels, arrays = measure(snapshot, goal, *limits), measure_by_arrays(snapshot, goal, *limits)
+    tried = [(shaken(moving[0]), moving[1], never), (shaken(held), gripped, never)]
+    tried += [(opened(*moving, np.array(part)), moving[1], ajar) for part in ((0.05, 0.2, 0.6), (0.7, 0.95, 1.1))]
+    for snapshot, goal, limits in tried:
+        kernels, arrays = measure(snapshot, goal, limits), measure_by_arrays(snapshot, goal, limits)
         assert kernels.shape == (len(goal.link), len(MEASURES))
         np.testing.assert_allclose(kernels, arrays, rtol=1e-12, atol=1e-14)
         exact = [MEASURES.index(name) for name in ("opening_speed", "opening", "speed", "angular_speed")]
         np.testing.assert_array_equal(kernels[:, exact], arrays[:, exact])
-        if len(goal.link) > 1:
-            assert (np.ptp(arrays, axis=0) > 0).all(), "every measure is tried with different values"
-        else:
+        if len(goal.link) == 1:
             assert kernels[0, MEASURES.index("depth")] > 0, "the hand is at the handle"
+        elif limits is never:
+            assert (np.ptp(arrays, axis=0) > 0).all(), "every measure is tried with different values"
     with pytest.raises(ValueError, match="a goal of 1 environments for a snapshot of 3"):
-        measure(moving[0], gripped, *limits)
+        measure(moving[0], gripped, never)
+
+
+def opened(snapshot: Snapshot, goal: CabinetGoal, opening: np.ndarray) -> Snapshot:
+    """The same instant with the targets' joints elsewhere: 0 is closed, 1 open enough."""
+    qpos = snapshot.object_qpos.copy()
+    qpos[goal.row, goal.joint] = goal.lower + opening * (goal.open_qpos - goal.lower)
+    return dataclasses.replace(snapshot, object_qpos=qpos)
+
+
+def test_a_door_that_is_ajar_counts_as_held_and_a_drawer_does_not(
+    moving: tuple[Snapshot, CabinetGoal],
+) -> None:
+    """Who opens a door farther earns more, in steps as small as the opening's, wherever the hand is."""
+    door = make_task("OpenCabinetDoor")
+    earned: dict[str, list[np.ndarray]] = {TASK.name: [], door.name: []}
+    openings = np.linspace(0.0, 0.99, 1981)
+    for opening in openings:
+        snapshot = opened(*moving, opening)
+        for task in (TASK, door):
+            terms = task.reward_terms(snapshot, moving[1], task.flags(snapshot, moving[1]))
+            earned[task.name].append(sum(task.reward_weights[name] * value for name, value in terms.items()))
+    doors, drawers = (np.array(earned[name]) for name in (door.name, TASK.name))
+    bonus = door.config.reward.stage_bonus
+    assert (drawers < bonus[1]).all(), "no hand is at its handle"
+    closed, ajar = openings <= 0.10, openings >= 0.25
+    np.testing.assert_array_equal(doors[closed], drawers[closed])
+    assert (doors[ajar] > bonus[1]).all()
+    rise = np.diff(doors, axis=0)
+    assert (rise > -1e-12).all()
+    assert rise[openings[1:] < 0.8].max() < 0.5, "the stage's 8 points come over many small steps"
+
+
+def test_ajar_is_a_range_of_the_opening() -> None:
+    with pytest.raises(ConfigError, match=r"ajar must be a lower of at least 0 and a higher number, not"):
+        make_task("OpenCabinetDoor", {"reward.ajar": [0.3, 0.2]})
+    with pytest.raises(ConfigError, match=r"ajar must not go beyond 1, not"):
+        make_task("OpenCabinetDoor", {"reward.ajar": [0.3, 1.2]})
+    assert make_task("OpenCabinetDoor", {"reward.ajar": None}).config.reward.ajar is None
 
 
 def test_distance_is_that_of_segments_to_points(

@@ -3,10 +3,13 @@
 An environment's step spends some 300 microseconds in the engine, and had 50 more in these array calls; the kernels
 take 7 (benchmarks/environment.py shows the whole). The array code remains for other libraries, and as the
 definition that a test holds the kernels to. Handle data is in the frame of the link that carries the handle.
+
+A link that is ajar counts as held, if the task says so: `finger_gap` and `depth` then are as if the fingers closed
+in while it opens. At `_HELD` of the range that the task gives, they are at the handle.
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,6 +30,9 @@ MEASURES = (  # what they mean stands with the task's table of stages
 )
 # Five points along the fingers' mid-line, as weights of the ends (start, tip) of the two fingers' lines.
 _MIDDLE_WEIGHTS = np.array([(1 - t, t, 1 - t, t) for t in (0.0, 0.25, 0.5, 0.75, 1.0)]) / 2
+_HELD = 0.7  # of the range over which a link comes to count as held
+_RANGES_PER_M = 45.0  # of depth: over the whole range, fingers seem to go 22 mm further in
+NEVER_AJAR = (math.inf, math.inf)
 
 
 def target_motion(snapshot: Snapshot, goal: Any) -> tuple[Array, Array]:
@@ -45,18 +51,32 @@ def target_motion(snapshot: Snapshot, goal: Any) -> tuple[Array, Array]:
     return motion[0], motion[1]
 
 
-def measure(snapshot: Snapshot, goal: Any, close_m: float, slow_m_s: float, slow_rad_s: float) -> Array:
+class Limits(NamedTuple):
+    """What measures are relative to.
+
+    Attributes:
+        close_m: the distance of both fingers to the handle that counts as close.
+        slow_m_s: the speed of the target's link that counts as still.
+        slow_rad_s: likewise its angular speed.
+        ajar: range of `opening` over which the link comes to count as held; `NEVER_AJAR` for never.
+    """
+
+    close_m: float
+    slow_m_s: float
+    slow_rad_s: float
+    ajar: tuple[float, float] = NEVER_AJAR
+
+
+def measure(snapshot: Snapshot, goal: Any, limits: Limits) -> Array:
     """Return `MEASURES`, (B, M).
 
     Args:
         snapshot: of B environments.
         goal: their `CabinetGoal`.
-        close_m: the distance of both fingers to the handle that counts as close.
-        slow_m_s: the speed of the target's link that counts as still.
-        slow_rad_s: likewise its angular speed.
+        limits: of the task.
     """
     if not isinstance(snapshot.object_qpos, np.ndarray):
-        return measure_by_arrays(snapshot, goal, close_m, slow_m_s, slow_rad_s)
+        return measure_by_arrays(snapshot, goal, limits)
     _check_batch(snapshot, goal)
     measured = np.empty((len(goal.link), len(MEASURES)))
     as_one = np.ascontiguousarray  # one memory layout, one compilation
@@ -68,28 +88,34 @@ def measure(snapshot: Snapshot, goal: Any, close_m: float, slow_m_s: float, slow
         (snapshot.object_qpos, snapshot.object_qvel, goal.lower, goal.open_qpos),
         (as_one(snapshot.link_rotation_w), as_one(snapshot.finger_line_w), as_one(snapshot.tool_rotation_w)),
         (goal.handle_points, goal.handle_planes, goal.grasp_rotations, _MIDDLE_WEIGHTS),
-        (float(close_m), float(slow_m_s), float(slow_rad_s)),
+        (*map(float, limits[:3]), *map(float, limits.ajar)),
         measured,
     )
     return measured
 
 
-def measure_by_arrays(snapshot: Snapshot, goal: Any, close_m: float, slow_m_s: float, slow_rad_s: float) -> Array:
+def measure_by_arrays(snapshot: Snapshot, goal: Any, limits: Limits) -> Array:
     """Return what `measure` does of finite numbers, for any array library: the kernel's definition."""
     xp, at = namespace(snapshot.object_qpos), (goal.row, goal.link)
     origin, rotation = snapshot.link_position_w[at], snapshot.link_rotation_w[at]
     lines = snapshot.finger_line_w[:, :2]  # of the first arm, as its hand below
     distance, depth = finger_distances(lines, origin, rotation, goal.handle_points, goal.handle_planes)
     qpos = snapshot.object_qpos[goal.row, goal.joint]
+    opening = (qpos - goal.lower) / (goal.open_qpos - goal.lower)
+    first, last = limits.ajar
+    ajar = clip((opening - first) / (last - first), 0.0, 1.0) if math.isfinite(first) else 0.0 * opening
+    gap = xp.maximum(distance[:, 0], distance[:, 1]) / limits.close_m
+    is_ajar = ajar > 0
+    held_gap = _HELD / xp.where(is_ajar, ajar, 1.0)
     measures = {
         "hand_angle": hand_angle(rotation, snapshot.tool_rotation_w[:, 0], goal.grasp_rotations),
         "handle_distance": 0.5 * (distance[:, 0] + distance[:, 1]),
-        "depth": depth,
+        "depth": xp.where(is_ajar, xp.maximum(depth, (ajar - _HELD) / _RANGES_PER_M), depth),
         "opening_speed": snapshot.object_qvel[goal.row, goal.joint],
-        "opening": (qpos - goal.lower) / (goal.open_qpos - goal.lower),
-        "speed": snapshot.link_speed_m_s[at] / slow_m_s,
-        "finger_gap": xp.maximum(distance[:, 0], distance[:, 1]) / close_m,
-        "angular_speed": snapshot.link_angular_speed_rad_s[at] / slow_rad_s,
+        "opening": opening,
+        "speed": snapshot.link_speed_m_s[at] / limits.slow_m_s,
+        "finger_gap": xp.where(is_ajar, xp.minimum(gap, held_gap), gap),
+        "angular_speed": snapshot.link_angular_speed_rad_s[at] / limits.slow_rad_s,
     }
     return columns([measures[name] for name in MEASURES])
 
@@ -187,13 +213,13 @@ def _measure_kernel(
         motions: of all joints value and velocity, of the targets' lower and open value.
         hands: rotations of all links, the fingers' lines, the hands' rotations.
         handles: points, planes, grasps, and the weights of the points between the fingers.
-        limits: what counts as close and as still.
+        limits: what counts as close and as still, and from where to where as ajar.
         out: is filled.
     """
     object_qpos, object_qvel, lower, open_qpos = motions
     link_rotation, finger_line, tool_rotation = hands
     points, planes, grasps, weights = handles
-    close_m, slow_m_s, slow_rad_s = limits
+    close_m, slow_m_s, slow_rad_s, first_ajar, last_ajar = limits
     ends, sample, hand = np.empty((4, 3)), np.empty(3), np.empty((3, 3))
     for b in range(links.shape[0]):
         link, joint = links[b], joints[b]
@@ -212,10 +238,15 @@ def _measure_kernel(
         out[b, 1] = 0.5 * (first + second)
         out[b, 2] = _middle_depth(ends, weights, planes[b], sample)
         out[b, 3] = object_qvel[b, joint]
-        out[b, 4] = (object_qpos[b, joint] - lower[b]) / (open_qpos[b] - lower[b])
+        opening = (object_qpos[b, joint] - lower[b]) / (open_qpos[b] - lower[b])
+        out[b, 4] = opening
         out[b, 5] = speed / slow_m_s
         out[b, 6] = max(first, second) / close_m
         out[b, 7] = angular_speed / slow_rad_s
+        if opening > first_ajar:
+            ajar = min((opening - first_ajar) / (last_ajar - first_ajar), 1.0)
+            out[b, 2] = max(out[b, 2], (ajar - _HELD) / _RANGES_PER_M)
+            out[b, 6] = min(out[b, 6], _HELD / ajar)
 
 
 @kernel
@@ -288,4 +319,5 @@ def load_kernels() -> None:
     hands = rotation, np.ones((1, 2, 2, 3)), rotation
     handles = np.ones((1, 3, 1)), turn, rotation, _MIDDLE_WEIGHTS
     measured = np.empty((1, len(MEASURES)))
-    _measure_kernel(first, poses, 1.0, first, (one, one, ones, ones), hands, handles, (1.0, 1.0, 1.0), measured)
+    limits = (1.0, 1.0, 1.0, *NEVER_AJAR)
+    _measure_kernel(first, poses, 1.0, first, (one, one, ones, ones), hands, handles, limits, measured)

@@ -13,7 +13,14 @@ import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, JointKind
 from artiskill.assets.handles import is_handle_part
-from artiskill.config import check_inside, check_not_negative, check_positive, check_value, check_vector
+from artiskill.config import (
+    check_inside,
+    check_not_negative,
+    check_positive,
+    check_range,
+    check_value,
+    check_vector,
+)
 from artiskill.errors import AssetError
 from artiskill.geometry.arrays import Array, namespace
 from artiskill.geometry.rotations import quat_to_matrix
@@ -22,7 +29,7 @@ from artiskill.scene.scene import Scene
 from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import InitialState
 from artiskill.tasks import cabinet_measures, staged_reward
-from artiskill.tasks.cabinet_measures import MEASURES, measure, target_motion
+from artiskill.tasks.cabinet_measures import MEASURES, NEVER_AJAR, Limits, measure, target_motion
 from artiskill.tasks.initial_state import check_ranges, polar, robot_qpos
 from artiskill.tasks.staged_reward import Ramp, Stage, StageTable
 from artiskill.tasks.task import ObservationField, Task, TaskConfig, object_size, observe_state, state_fields
@@ -39,8 +46,8 @@ _COLUMN = {name: i for i, name in enumerate(MEASURES)}
 # Measures:
 #   hand_angle        angle to the nearest grasp pose, over pi
 #   handle_distance   mean distance of the two fingers' lines to the handle, m
-#   finger_gap        the greater of the two distances, over what counts as close
-#   depth             of the fingers' mid-line in the handle's hull, m, positive inside
+#   finger_gap        the greater of the two distances, over what counts as close; less where a door is ajar
+#   depth             of the fingers' mid-line in the handle's hull, m, positive inside; more where a door is ajar
 #   opening_speed     velocity of the joint, m/s or rad/s
 #   opening           how far it is open: 0 closed, 1 open enough
 #   speed             of the target link, over what counts as still
@@ -147,14 +154,20 @@ class CabinetRewardConfig:
             lies between them.
         stage_bonus: least reward of each of the four stages, so low that no state earns more than 0.
         weights: term name -> weight; a term that is missing is reported with weight 0.
+        ajar: the link comes to count as held while it opens over this range, 0 closed and 1 open enough: who has
+            pulled it ajar may let go of the handle. None: it never does.
     """
 
     close_distance_m: float
     stage_bonus: tuple[float, ...]
     weights: Mapping[str, float] = field(default_factory=dict)
+    ajar: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         check_positive(self, "close_distance_m")
+        if self.ajar is not None:
+            check_range(self, "ajar", lowest=0.0)
+            check_value(self, "ajar", self.ajar[1] <= 1, "must not go beyond 1")
         TABLE.check_weights(self.stage_bonus, self.weights)
 
 
@@ -289,8 +302,8 @@ def reward_terms(
     success: CabinetSuccessConfig,
 ) -> dict[str, Array]:
     """Return the unweighted terms of `TABLE`, each (B,), given the flags of the same step."""
-    limits = config.close_distance_m, success.max_speed_m_s, success.max_angular_speed_rad_s
-    measured = measure(snapshot, goal, *limits)
+    slow = success.max_speed_m_s, success.max_angular_speed_rad_s
+    measured = measure(snapshot, goal, Limits(config.close_distance_m, *slow, config.ajar or NEVER_AJAR))
     opening, gap, depth = (measured[:, _COLUMN[name]] for name in ("opening", "finger_gap", "depth"))
     still = flags["cabinet_static"] & (opening >= _SAFELY_OPEN)
     is_close = (gap <= 1.0) & (depth > 0)
