@@ -1,0 +1,139 @@
+"""Say how new the test objects are: `python tools/make_novelty_table.py`; two minutes.
+
+For each object of `test` and `ood`, the nearest object that policies train on: of the catalogue's `train`, and of
+the generated ones that *No Restrictions* adds. Then how success falls with that distance: docs/data/tracks.csv.
+"""
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import spearmanr
+
+from artiskill import list_objects
+from artiskill.assets.catalog import load_object, resolve_objects
+from artiskill.assets.similarity import NEAR_DUPLICATE_M, Descriptor, describe, nearest_neighbour
+from artiskill.errors import ArtiSkillError
+from artiskill.gallery.facts import markdown
+from artiskill.learning.train_config import ROLLOUT_SEEDS
+from learning_tables.cells import TASKS
+from learning_tables.markdown import sum_of, write_between
+from learning_tables.results import Measured, read_rows, write_rows
+from make_track_tables import PAGE, SPLITS, TRACKS, read_csv
+from make_track_tables import TABLE as RATES
+
+TABLE = Path("data", "novelty.csv")  # beside the page
+BEGIN, END = "<!-- made by tools/make_novelty_table.py -->", "<!-- end of the novelty -->"
+CSV_HEAD = ["category", "split", "object", "nearest train", "mm", "nearest generated", "mm to generated"]
+NO_RESTRICTIONS = next(iter(TRACKS))  # the track that adds generated objects
+
+
+class Novelty(NamedTuple):
+    """How far an object is from those that policies train on."""
+
+    category: str
+    split: str
+    object: str
+    train: str
+    train_mm: float
+    generated: str
+    generated_mm: float
+
+    def distance_mm(self, track: str) -> float:
+        """Of the nearest object that policies of a track train on."""
+        return min(self.train_mm, self.generated_mm) if track == NO_RESTRICTIONS else self.train_mm
+
+
+def main(arguments: list[str]) -> int:
+    """Measure and write; the exit status is 2 if a file does not fit."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--page", type=Path, default=PAGE, help="with the marks (default: docs/generalization.md)")
+    parser.add_argument("--again", action="store_true", help="measure anew, though the CSV file is there")
+    options = parser.parse_args(arguments)
+    table = options.page.parent / TABLE
+    try:
+        found = [] if options.again else read_novelty(table)
+        if not found:
+            found = [one for category in ROLLOUT_SEEDS for one in measure(category)]
+            write_rows(table, [CSV_HEAD, *(list(map(str, one)) for one in found)])
+        rates = read_csv(options.page.parent / RATES)
+        by_track = {
+            (track, task): [splits for policy, splits in rates.items() if policy[:2] == (track, task)]
+            for track in TRACKS
+            for task in TASKS
+        }
+        write_between(options.page, BEGIN, END, f"{distances_text(found)}\n\n{rates_text(found, by_track)}")
+    except ArtiSkillError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def read_novelty(path: Path) -> list[Novelty]:
+    """Return what was measured before; nothing if there is no file."""
+    return [
+        Novelty(*[float(value) if name.startswith("mm") else value for name, value in row.items()])  # type: ignore[arg-type]
+        for row in read_rows(path, CSV_HEAD)
+    ]
+
+
+def measure(category: str) -> Iterator[Novelty]:
+    """Yield the objects of a category that no policy trains on."""
+    print(f"describing {category}s", flush=True)
+    train = _described(list_objects(split="train", category=category))
+    generated = _described([f"generated:{category}:{ROLLOUT_SEEDS[category]}"])
+    for split in SPLITS:
+        for one in _described(list_objects(split=split, category=category)):
+            nearest = [nearest_neighbour(one, others) for others in (train, generated)]
+            values = [value for n in nearest if n for value in (n.nearest, round(1e3 * n.distance_m, 1))]
+            yield Novelty(category, split, one.id, *values)  # type: ignore[arg-type]
+
+
+def _described(names: Sequence[str]) -> list[Descriptor]:
+    return [describe(load_object(one) if isinstance(one, str) else one) for one in resolve_objects(names)]
+
+
+def distances_text(found: Sequence[Novelty]) -> str:
+    """Return the table of distances: least, median and greatest."""
+    rows = []
+    for category, split in dict.fromkeys((one.category, one.split) for one in found):
+        chosen = [one for one in found if (one.category, one.split) == (category, split)]
+        limit = 1e3 * NEAR_DUPLICATE_M[category]  # type: ignore[index]
+        cells = []
+        for distances in ([one.train_mm for one in chosen], [one.generated_mm for one in chosen]):
+            cells += [_range(distances), f"{sum(one < limit for one in distances)} of {len(chosen)}"]
+        rows.append([category, split, *cells])
+    head = ["mm to `train`", "near duplicates in `train`", "mm to generated ones", "among generated ones"]
+    return markdown(["category", "objects", *head], rows)
+
+
+def _range(values: Sequence[float]) -> str:
+    return f"{np.median(values):.0f} ({min(values):.0f} to {max(values):.0f})"
+
+
+def rates_text(found: Sequence[Novelty], by_track: dict[tuple[str, str], list[dict[str, Measured]]]) -> str:
+    """Return the table of success by distance: of the nearer and of the farther half of all unseen objects."""
+    by_name = {one.object: one for one in found}
+    rows = []
+    for (track, task), policies in by_track.items():
+        if not policies:
+            continue
+        all_of = sum_of([one for splits in policies for one in splits.values()])
+        ordered = sorted(all_of.episodes, key=lambda name: (by_name[name].distance_mm(track), name))
+        rates = [all_of.successes[name] / all_of.episodes[name] for name in ordered]
+        half = (len(ordered) + 1) // 2
+        distances = [by_name[name].distance_mm(track) for name in ordered]
+        correlation = spearmanr(distances, rates).statistic if len(set(rates)) > 1 else np.nan
+        cells = [
+            f"{np.mean(rates[part]):.0%}, {distances[part][0]:.0f} to {distances[part][-1]:.0f} mm"
+            for part in (slice(half), slice(half, None))
+        ]
+        rows.append([track, task, *cells, "none" if np.isnan(correlation) else f"{correlation:+.2f}"])
+    return markdown(["track", "task", "nearer half", "farther half", "rank correlation"], rows)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
