@@ -1,6 +1,7 @@
-"""Make the README's film, the strips of tasks and demonstrations, and the replays anew.
+"""Make the films of the package's policies, the strips of tasks and demonstrations, and the replays anew.
 
-`python tools/make_pictures.py` makes all, `... replays` only those. They are small: pages should load fast.
+`python tools/make_pictures.py` makes all, `... films` or `... replays` only those. They are small: pages should
+load fast.
 """
 
 import re
@@ -22,16 +23,21 @@ from artiskill.evaluation.video import write_video
 from artiskill.viewer.playback import LiveEpisode
 from artiskill.viewer.replay import export_episode
 
-# of test cabinets, which the package's policies have never met
+# of objects that the package's policies have never met: task, object, level
 FILMED = (
-    ("OpenCabinetDrawer", "cabinet-0003"),
-    ("OpenCabinetDoor", "cabinet-0056"),
-    ("OpenCabinetDrawer", "cabinet-0015"),
+    ("OpenCabinetDrawer", "cabinet-0003", 0),
+    ("OpenCabinetDoor", "cabinet-0056", 0),
+    ("OpenCabinetDrawer", "cabinet-0015", 0),
+)
+FAILED = (
+    ("OpenCabinetDoor", "cabinet-0086", 0),
+    ("OpenCabinetDrawer", "cabinet-0092", 1),
+    ("PushChair", "chair-0044", 0),
 )
 WIDTH, HEIGHT = 640, 480  # as drawn; smaller in the files
 FILM_SCALE, EVERY, FRAMES_PER_S = 0.65, 3, 4
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
-OUT = IMAGES / "drawers.gif"
+FILMS = {"drawers": (FILMED, EVERY), "failures": (FAILED, 2 * EVERY)}
 REPLAYS = IMAGES.parent / "replays"
 # task -> an object that it has never trained on, and a level
 STRIPS = {
@@ -50,10 +56,13 @@ STRIP_FRAMES, STRIP_SIZE = 4, (360, 270)
 
 
 def main(arguments: list[str]) -> None:
-    """The film, then the strips of tasks, then those of demonstrations; then the replays."""
+    """The films, then the strips of tasks, then those of demonstrations; then the replays."""
     if arguments != ["replays"]:
-        make_still_and_moving()
-    for task in STRIPS:
+        for name in FILMS:
+            make_film(name)
+    if not arguments:
+        make_strips()
+    for task in STRIPS if arguments != ["films"] else ():
         path = make_replay(task, REPLAYS)
         print(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
 
@@ -69,9 +78,8 @@ def snake(task: str) -> str:
     return re.sub("(?<!^)(?=[A-Z])", "_", task).lower()
 
 
-def make_still_and_moving() -> None:
-    """Everything but the replays."""
-    make_film()
+def make_strips() -> None:
+    """Those of the tasks and of the demonstrations."""
     for task, (object_id, level) in STRIPS.items():
         path = IMAGES / f"{snake(task)}.png"
         print(f"{path}: {make_strip(path, task, object_id, level)}")
@@ -99,20 +107,20 @@ def make_strip(path: Path, task: str, object_id: str, level: int) -> str:
     return end
 
 
-def make_film() -> None:
-    """The package's policies on three test cabinets with the points that they see, the last frame for a second."""
-    frames = []
-    for task, object_id in FILMED:
+def make_film(name: str) -> None:
+    """Episodes of the package's policies with the points that they see, the last frame for a second."""
+    (filmed, every), frames, path = FILMS[name], [], IMAGES / f"{name}.gif"
+    for task, object_id, level in filmed:
         (batch,) = plan_evaluation(task, "pretrained", [object_id], 1).batches
         env, film = batch.make_env(), EpisodeRecorder(film_style(batch))
-        result = run_episode(env, load_policy(batch.policy), 0, film.record)
+        result = run_episode(env, load_policy(batch.policy), level, film.record)
         drawn = film.draw()[: len(film.moments)]
-        frames += [*drawn[:-1:EVERY], *[drawn[-1]] * round(LAST_FRAME_S * FRAMES_PER_S)]
+        frames += [*drawn[:-1:every], *[drawn[-1]] * round(LAST_FRAME_S * FRAMES_PER_S)]
         print(f"{object_id}: {result.length} steps, {'solved' if result.success else 'not solved'}")
     height, width = frames[0].shape[:2]
     size = 2 * round(FILM_SCALE * width / 2), 2 * round(FILM_SCALE * height / 2)
-    write_video(OUT, [smaller(frame, size) for frame in frames], FRAMES_PER_S)
-    print(f"{OUT}: {len(frames)} frames, {OUT.stat().st_size / 1e6:.1f} MB")
+    write_video(path, [smaller(frame, size) for frame in frames], FRAMES_PER_S)
+    print(f"{path}: {len(frames)} frames, {path.stat().st_size / 1e6:.1f} MB")
 
 
 def smaller(frame: np.ndarray, size: tuple[int, int]) -> np.ndarray:

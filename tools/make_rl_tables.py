@@ -1,8 +1,9 @@
 """Make the tables of reinforcement learning anew: `python tools/make_rl_tables.py --jobs 2`.
 
-`one`: a policy per object and seed; `many`: one over 1, 5, 10, 20 or 25 cabinets. Each is trained, then measured
-on new levels, by commands of `artiskill` that are printed. Whatever ends this script, the same command goes on.
-Finished runs stay in docs/data/reinforcement.csv, also without the work folder; the tables are made from it.
+`one`: a policy per object and seed. `many`: one over 1, 5, 10, 20 or 25 cabinets, whose state says where the
+handle is; `plain`: likewise with the paper's state. Each is trained, then measured on new levels, by commands of
+`artiskill` that are printed. Whatever ends this script, the same command goes on. Finished runs stay in
+docs/data/reinforcement.csv, also without the work folder; the tables are made from it.
 """
 
 import argparse
@@ -27,14 +28,16 @@ DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE, EXPERTS = DOCS / "reinforcement_learning.md", DOCS / "data" / "experts.csv"
 TABLE = Path("data", "reinforcement.csv")  # beside the page
 BEGIN, END = "<!-- made by tools/make_rl_tables.py -->", "<!-- end of the tables -->"
-ONE, MANY = TABLES = ("one", "many")
+ONE, MANY, PLAIN = TABLES = ("one", "many", "plain")
+HANDLE = "config.state.handle=true"
 COUNTS, MANY_TASK = (1, 5, 10, 20, 25), "OpenCabinetDrawer"
 PAPER_MANY = {1: "100 %", 5: "82 %", 10: "2 %", 20: "0 %"}  # the ManiSkill paper, SAC, 10^6 steps
 CSV_HEAD = ["table", "task", "objects", "target", "algorithm", "seed", "steps", "minutes"]
 CSV_HEAD += ["measured on", "episodes", "successes"]
 KEY = [*CSV_HEAD[:6], "measured on"]
+STATES = {MANY: "with the handle", PLAIN: "the paper's"}
 FIRST_LEVEL = 1_000_000  # training draws from 2^31
-EPISODES = {ONE: 100, MANY: 10}  # on each object
+EPISODES = {ONE: 100, MANY: 10, PLAIN: 10}  # on each object
 STEPS = {"OpenCabinetDoor": 360_000}  # of tasks that take more than the algorithm's default; 40 minutes of a core
 GRADED = {"OpenCabinetDoor": 3, "OpenCabinetDrawer": 3, "PushChair": 1, "MoveBucket": 1}  # objects of table `one`
 
@@ -87,9 +90,16 @@ def make_parser() -> argparse.ArgumentParser:
     add = parser.add_argument
     add("--work", type=Path, default=Path("results/reinforcement"), help="folder (default: %(default)s)")
     add("--page", type=Path, default=PAGE, help="with the two marks (default: docs/reinforcement_learning.md)")
-    add("--tables", nargs="+", choices=TABLES, default=TABLES, help="(default: both)")
+    add("--tables", nargs="+", choices=TABLES, default=TABLES, help="(default: all)")
     add("--tasks", nargs="+", choices=TASKS, default=TASKS, metavar="TASK", help="of `one` (default: all four)")
-    add("--counts", nargs="+", type=int, choices=COUNTS, default=COUNTS, help="of `many` (default: all)")
+    add(
+        "--counts",
+        nargs="+",
+        type=int,
+        choices=COUNTS,
+        default=COUNTS,
+        help="of `many` and `plain` (default: all)",
+    )
     add("--algorithm", choices=("sac", "ppo"), default="sac", help="(default: %(default)s)")
     add("--seeds", nargs="+", type=int, default=[0, 1, 2], help="(default: 0 1 2)")
     add("--steps", type=int, help="of each policy (default: 360,000 for doors, else the algorithm's)")
@@ -104,9 +114,10 @@ def wanted(options: argparse.Namespace) -> Iterator[Policy]:
         for task in options.tasks if ONE in options.tables else ():
             for name, target in graded(task):
                 yield Policy(ONE, task, (name,), target, options.algorithm, seed)
-        for count in options.counts if MANY in options.tables else ():
-            names = tuple(name for name, _, _ in sorted(trained_on(MANY_TASK)))[:count]
-            yield Policy(MANY, MANY_TASK, names, "", options.algorithm, seed)
+        for table in [name for name in (MANY, PLAIN) if name in options.tables]:
+            for count in options.counts:
+                names = tuple(name for name, _, _ in sorted(trained_on(MANY_TASK)))[:count]
+                yield Policy(table, MANY_TASK, names, "", options.algorithm, seed)
 
 
 def trained_on(task: str) -> list[tuple[str, str, int]]:
@@ -151,7 +162,8 @@ def train_command(policy: Policy, options: argparse.Namespace) -> list[str]:
     command += ["--target", policy.target] if policy.target else []
     steps = options.steps or STEPS.get(policy.task)
     command += ["--steps", str(steps)] if steps else []
-    return command + (["--set", *options.set] if options.set else [])
+    values = [*([HANDLE] if policy.table == MANY else []), *options.set]
+    return command + (["--set", *values] if values else [])
 
 
 def evaluate_command(policy: Policy, split: str, work: Path) -> list[str]:
@@ -193,24 +205,25 @@ def write_tables(policies: Sequence[Policy], work: Path, page: Path) -> None:
 
 
 def tables_text(rows: Sequence[dict[str, str]]) -> str:
-    """Return both tables."""
+    """Return the tables: of one object, and of many."""
     one = [row for row in rows if row["table"] == ONE]
     cells = sorted({tuple(row[name] for name in ("task", "objects", "target", "algorithm")) for row in one})
     first = []
     for cell in cells:
         chosen = [row for row in one if tuple(row[name] for name in CSV_HEAD[1:5]) == cell]
         first.append([*cell[:2], cell[2] or "any", cell[3], *_measured(chosen)])
-    many = [row for row in rows if row["table"] == MANY]
-    second = []
-    for algorithm, count in sorted({(row["algorithm"], int(row["objects"])) for row in many}):
-        chosen = [row for row in many if (row["algorithm"], row["objects"]) == (algorithm, str(count))]
+    many, second = [row for row in rows if row["table"] in STATES], []
+    for table, algorithm, count in sorted({(row["table"], row["algorithm"], int(row["objects"])) for row in many}):
+        key = (table, algorithm, str(count))
+        chosen = [row for row in many if (row["table"], row["algorithm"], row["objects"]) == key]
         sides = {split: [row for row in chosen if row["measured on"] == split] for split in ("new", "test")}
         rates = [", ".join(_rates(side)) for side in sides.values()]
-        second.append([str(count), algorithm, *rates, PAPER_MANY.get(count, ""), *_measured(sides["new"])[1:]])
+        second.append([str(count), STATES[table], algorithm, *rates, PAPER_MANY.get(count, "")])
+        second[-1] += _measured(sides["new"])[1:]
     head = ["task", "object", "target", "algorithm", "solved, by seed", "million steps", "minutes of a core"]
     parts = ["Nothing is measured yet."] if not rows else []
     parts += [markdown(head, first)] * bool(first)
-    head = ["cabinets", "algorithm", "solved, by seed", "test cabinets", "ManiSkill paper", *head[5:]]
+    head = ["cabinets", "state", "algorithm", "solved, by seed", "test cabinets", "ManiSkill paper", *head[5:]]
     return "\n\n".join([*parts, *[markdown(head, second)] * bool(second)])
 
 

@@ -227,6 +227,28 @@ def test_illegal_values_are_refused(changes: dict[str, Any], message: str) -> No
         tiny("sac", **changes)
 
 
+def test_a_policy_that_is_told_where_the_handle_is(tmp_path: Path) -> None:
+    """Evaluations and demonstrations show it what it learned from; the latter are of the usual task."""
+    plain, told = tiny("ppo", steps=100), tiny("ppo", steps=100, **{"config.state.handle": True})
+    sizes = []
+    for config, folder in ((plain, tmp_path / "plain"), (told, tmp_path / "told")):
+        reinforce(config, folder)
+        policy = load_run(folder)
+        sizes.append(policy._mean.numel())  # type: ignore[union-attr]
+    assert sizes[1] == sizes[0] + 23
+    assert policy.observation_config == {"state": {"handle": True}}
+    measured = ["evaluate", "--policy", str(tmp_path / "told"), "--objects", OBJECT, "--episodes", "1"]
+    assert main([*measured, "--out", str(tmp_path / "report"), "--workers", "1"]) == 0
+    assert main(["report", "verify", str(tmp_path / "report"), "--workers", "1"]) == 0
+    collect = ["demos", "collect", "--task", TASK, "--objects", OBJECT, "--per-object", "1", "--workers", "1"]
+    given = ["--policy", str(tmp_path / "told"), "--out", str(tmp_path / "demos"), "--set", "episode_steps=3"]
+    assert main([*collect, *given]) == 1, "it acts, and solves nothing"
+    assert not Demos(tmp_path / "demos").manifest.settings.config["state"]["handle"]
+    with pytest.raises(ConfigError, match="unknown key 'handel'"):
+        reinforce(tiny("ppo", **{"config.state.handel": True}), tmp_path / "wrong")
+    assert not (tmp_path / "wrong" / "run.json").exists()
+
+
 def test_agents_demonstrate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Here every state counts as solved."""
     values = [f"{key}={value}" for key, value in (TINY | OWN["ppo"]).items() if key not in ("objects", "target")]

@@ -13,6 +13,7 @@ from artiskill.errors import AssetError, ConfigError, UnknownNameError
 from artiskill.scene.scene import build_scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
+from artiskill.tasks.cabinet_description import describe_handle
 from artiskill.tasks.cabinet_measures import (
     MEASURES,
     Limits,
@@ -95,6 +96,8 @@ def test_torch_gives_the_same_answers(moving: tuple[Snapshot, CabinetGoal]) -> N
     torch = pytest.importorskip("torch", reason="torch tensors are tried where torch is installed")
     ours = answers(*moving)
     theirs = answers(*(converted(value, torch.asarray) for value in moving))
+    described = [describe_handle(*moving), describe_handle(*(converted(v, torch.asarray) for v in moving)).numpy()]
+    np.testing.assert_allclose(*described, atol=1e-12)
     for name, value in ours.items():
         assert isinstance(theirs[name], torch.Tensor), name
         np.testing.assert_allclose(theirs[name].numpy(), value, atol=1e-7, err_msg=name)
@@ -106,6 +109,43 @@ def test_a_batch_is_its_rows(moving: tuple[Snapshot, CabinetGoal]) -> None:
         part = answers(*(row_of(value, i) for value in moving))
         for name, value in whole.items():
             np.testing.assert_array_equal(part[name][0], value[i], err_msg=name)
+
+
+@pytest.mark.parametrize("name", ["OpenCabinetDrawer", "OpenCabinetDoor"])
+def test_the_state_may_say_where_the_handle_is(name: str) -> None:
+    """All is in the base frame: an ideal hand sees the grasp where it is, and the handle goes as it says."""
+    obj = load_object("cabinet-0002" if name == "OpenCabinetDrawer" else "cabinet-0064")
+    task, plain = make_task(name, {"state.handle": True}), make_task(name)
+    snapshot, goal = gripping(obj, "link_0")
+    grasp = snapshot.link_position_w[0, goal.link[0]] + goal.grasp_positions[0, 0]
+    snapshot = dataclasses.replace(snapshot, tool_position_w=grasp[None, None])
+    seen, usual = task.observe_state(snapshot, goal)[0], plain.observe_state(snapshot, goal)[0]
+    before = sum(field.size for field in plain.state_fields) - 38
+    np.testing.assert_array_equal(seen[:before], usual[:before])
+    np.testing.assert_array_equal(seen[-38:], usual[-38:])
+    assert len(seen) == sum(field.size for field in task.state_fields) == len(usual) + 23
+    position, offset, grasp_axes, hand_axes, velocity, opening, width = np.split(
+        seen[before:-38], np.cumsum([3, 3, 6, 6, 3, 1])
+    )
+    x, y, yaw = snapshot.robot_qpos[0, :3]
+    turn = np.array(((np.cos(yaw), -np.sin(yaw), 0), (np.sin(yaw), np.cos(yaw), 0), (0, 0, 1)))
+    np.testing.assert_allclose(turn @ position + (x, y, 0), grasp, atol=1e-6)
+    np.testing.assert_allclose(offset, 0, atol=1e-6)
+    np.testing.assert_allclose(grasp_axes, hand_axes, atol=1e-6)
+    np.testing.assert_allclose(opening, 0, atol=1e-6)
+    np.testing.assert_allclose(width, goal.grasp_width_m, atol=1e-6)
+    simulation = Simulation(build_scene(task.robot, obj, task.physics))
+    state = task.sample_initial_state(obj, np.random.default_rng(0))
+    positions = []
+    for moved in (0.0, 1e-4):
+        qpos = state.object_qpos.copy()
+        qpos[goal.joint[0]] += moved
+        simulation.reset([dataclasses.replace(state, object_qpos=qpos)])
+        part = task.observe_state(simulation.snapshot(), goal)[0][before : before + 3]
+        positions.append(part.astype(float))
+    np.testing.assert_allclose((positions[1] - positions[0]) / 1e-4, velocity, atol=5e-3)
+    with pytest.raises(ConfigError, match="state"):
+        make_task("PushChair", {"state.handle": True})
 
 
 def at_handle(snapshot: Snapshot, goal: CabinetGoal) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

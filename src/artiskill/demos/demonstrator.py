@@ -1,6 +1,6 @@
 """Experts as demonstrators: their actions as they are stored, and their attempts at a level."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object, object_id_of
+from artiskill.config import merge_overrides
 from artiskill.demos.recording import Actor, Recording, record, rounded
 from artiskill.demos.settings import Agent, Settings, load_demos_config
 from artiskill.envs.core import StateObserver
@@ -16,6 +17,8 @@ from artiskill.errors import ArtiSkillError, DivergedError, PolicyError
 from artiskill.experts.registry import Expert, make_expert
 from artiskill.experts.variation import Disturbance, load_variation, varied
 from artiskill.tasks.levels import RngStream, level_generator
+from artiskill.tasks.registry import make_task
+from artiskill.tasks.task import Task
 
 _STYLE, _PUSHES = 0, 1  # parts of the random stream
 # what becomes of single episodes; anything else is a fault of the program, and ends the collection
@@ -110,7 +113,7 @@ class AgentDemonstrator:
 
     def __init__(self, env: ManipulationEnv, policy: Any, action_bits: int) -> None:
         self._policy, self._action_bits = policy, action_bits
-        self._observer = StateObserver(env.task)
+        self._observer = StateObserver(_seen_task(env.task, policy.observation_config))
 
     def begin(self, env: ManipulationEnv) -> None:
         """Begin an episode at its first state."""
@@ -132,6 +135,13 @@ class AgentDemonstrator:
         self._observer.observe_all(env.snapshot, env.goal, values)
         found: np.ndarray = values[0]
         return found
+
+
+def _seen_task(task: Task, observation_config: Mapping[str, Any]) -> Task:
+    """Return the task as a policy sees it, whose state may say more than that of the demonstrations."""
+    if not observation_config:
+        return task
+    return make_task(task.name, merge_overrides(task.overrides, observation_config))
 
 
 class RecordedActions:

@@ -14,7 +14,7 @@ from artiskill.robots.config import LIKE, RobotConfig
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.props import Prop
 from artiskill.sim.states import touched_props
-from artiskill.tasks.registry import make_task
+from artiskill.tasks.registry import NAME_KEYS, make_task
 from artiskill.tasks.task import Task
 from artiskill.versions import versions
 
@@ -23,8 +23,6 @@ HUMAN = "human"  # a person who drove the robot
 LEARNER = "agent"  # a policy of reinforcement learning
 _MOST_BITS = 40  # float32 keeps fewer anyway
 MOST_COMPRESSION = 9  # of gzip
-# keys of a task's configuration that make it the one of its name, and that no override may hold
-_NAME_KEYS = ("name", "motion")
 
 
 @dataclass(frozen=True)
@@ -122,7 +120,7 @@ class Settings:
     @property
     def overrides(self) -> dict[str, Any]:
         """The task's configuration as `make_task` takes it."""
-        return {key: value for key, value in self.config.items() if key not in _NAME_KEYS}
+        return {key: value for key, value in self.config.items() if key not in NAME_KEYS}
 
     @cached_property
     def setup(self) -> tuple[RobotConfig, PhysicsConfig, tuple[Prop, ...]]:

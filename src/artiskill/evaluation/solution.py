@@ -45,7 +45,7 @@ class Solution:
         obs_mode: the observation mode that it needs; None if any will do.
         control_mode: the control mode that its actions are of; None if they may be of any.
         sampling: of the clouds that it sees; None for the full ones.
-        observation_config: values of the task's `cameras` and `render` that it needs; None for the task's.
+        observation_config: values of the task's `cameras`, `render` and `state` that it needs; None for the task's.
         confinement: of its process, as was found out there; None if it has none of its own.
 
     Raises:

@@ -67,7 +67,7 @@ class StatePolicy:
         run: the run's folder, whose best checkpoint acts, else its latest; or one of its checkpoints.
 
     Attributes:
-        obs_mode, control_mode: as evaluation asks of a policy.
+        obs_mode, control_mode, observation_config: as evaluation asks of a policy.
 
     Raises:
         PolicyError: there is no checkpoint.
@@ -96,6 +96,7 @@ class StatePolicy:
         self._activation = {"relu": torch.relu, "tanh": torch.tanh}[acting["activation"]]
         self._squash = {"tanh": torch.tanh, "clip": partial(torch.clip, min=-1.0, max=1.0)}[acting["squash"]]
         self._mean, self._std, self._clip = acting["mean"], acting["std"], float(acting["clip"])
+        self.observation_config: dict[str, Any] = acting.get("observation_config", {})  # runs of before have none
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
         """Begin an episode: there is nothing to remember."""

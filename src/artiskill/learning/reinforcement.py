@@ -42,6 +42,7 @@ from artiskill.learning.reinforcement_models import (
 )
 from artiskill.learning.run import BEST, CONFIG, INFO, KEPT, LATEST, RunInfo, read_info, write_info, write_whole
 from artiskill.learning.stopping import StopSignal
+from artiskill.tasks.registry import make_task
 from artiskill.versions import versions
 
 OnStep = Callable[[int, str], None]  # steps so far, and the latest numbers as text
@@ -108,6 +109,7 @@ def reinforce(
 
 def _prepare(config: ReinforcementConfig, folder: Path) -> RunInfo:
     """Write what the run's folder says of itself, or compare it with what is asked for."""
+    make_task(config.task, config.config)  # what is illegal is said before a folder is made
     objects = resolve_objects(list(config.objects), task=config.task)
     hashes = " ".join(checked_hash(one) for one in objects)
     info = RunInfo(
@@ -117,7 +119,7 @@ def _prepare(config: ReinforcementConfig, folder: Path) -> RunInfo:
         sampling={},
         sizes={},
         statistics={},
-        overrides={},
+        overrides=dict(config.config),
         data=hashlib.sha256(hashes.encode()).hexdigest(),
         objects=[object_id_of(one) for one in objects],
         steps=config.steps,
@@ -213,6 +215,7 @@ class Run:
             self.config.task,
             list(self.config.objects),
             target=self.config.target,
+            config=self.config.config,
             num_threads=min(self._threads, count),
             autoreset_mode="same_step",
             terminate_on_success=ends,
@@ -289,6 +292,7 @@ class Run:
             "mean": torch.zeros(size) if rms is None else torch.from_numpy(rms.mean.copy()),
             "std": torch.ones(size) if rms is None else torch.from_numpy(np.sqrt(rms.var + self._normal.epsilon)),
             "clip": _CLIP if self.config.normalise else float("inf"),
+            "observation_config": self.info.observation_config,
         }
 
     def save(self) -> None:

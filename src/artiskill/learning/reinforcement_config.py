@@ -123,6 +123,7 @@ class ReinforcementConfig:
     steps: int  # of all environments together
     seed: int  # of initial weights, levels and noise
     envs: int
+    config: dict[str, Any]  # changed values of the task's configuration
     terminate_on_success: bool
     reward_scale: float
     normalise: bool  # observations, by what has been seen so far

@@ -26,13 +26,13 @@ from artiskill.errors import ConfigError, DemoError, shown
 from artiskill.files import check_path, file_sha256, is_file, parse_json, read_bytes
 from artiskill.learning.batch import Sizes, Statistics
 from artiskill.learning.observation import MOST_MASKS, ObservationLayout
+from artiskill.tasks.registry import NAME_KEYS
 
 FORMAT, VERSION = "artiskill-training-set", 1
 MANIFEST, FRAMES, STEPS, TRAJECTORIES = "manifest.json", "frames.bin", "steps.npy", "trajectories.npy"
 TRAJECTORY_TYPE = np.dtype(
     [("object", "<i4"), ("target", "<i4"), ("level", "<i8"), ("first_step", "<i8"), ("steps", "<i4")]
 )
-_NAME_KEYS = ("name", "motion")  # of a task's configuration: no overrides
 
 
 def step_type(action: int) -> np.dtype[Any]:
@@ -91,7 +91,7 @@ class SetManifest:
     @property
     def overrides(self) -> dict[str, Any]:
         """The task's configuration as `make_task` takes it."""
-        config = {key: value for key, value in self.settings["source"]["config"].items() if key not in _NAME_KEYS}
+        config = {key: value for key, value in self.settings["source"]["config"].items() if key not in NAME_KEYS}
         return config | self.settings["seen"]
 
 

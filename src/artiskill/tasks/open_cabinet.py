@@ -29,6 +29,7 @@ from artiskill.scene.scene import Scene
 from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import InitialState
 from artiskill.tasks import cabinet_measures, staged_reward
+from artiskill.tasks.cabinet_description import HANDLE_FIELDS, HANDLE_SIZE, describe_handle
 from artiskill.tasks.cabinet_measures import MEASURES, NEVER_AJAR, Limits, measure, target_motion
 from artiskill.tasks.initial_state import check_ranges, polar, robot_qpos
 from artiskill.tasks.staged_reward import Ramp, Stage, StageTable
@@ -172,6 +173,17 @@ class CabinetRewardConfig:
 
 
 @dataclass(frozen=True)
+class CabinetStateConfig:
+    """What the state vector says beyond the paper's.
+
+    Attributes:
+        handle: where the target's handle is and how it moves: see `HANDLE_FIELDS`.
+    """
+
+    handle: bool = False
+
+
+@dataclass(frozen=True)
 class OpenCabinetConfig(TaskConfig):
     """Everything about the task that is a value, beside what every task has.
 
@@ -180,12 +192,14 @@ class OpenCabinetConfig(TaskConfig):
         initial: ranges of initial states.
         success: what counts as open and still.
         reward: dense reward.
+        state: what the state vector says.
     """
 
     motion: JointKind
     initial: CabinetInitialConfig
     success: CabinetSuccessConfig
     reward: CabinetRewardConfig
+    state: CabinetStateConfig = CabinetStateConfig()
 
 
 @dataclass(frozen=True, eq=False)
@@ -311,14 +325,18 @@ def reward_terms(
     return TABLE.evaluate(measured, stage, config.stage_bonus)
 
 
-def observe(snapshot: Snapshot, goal: CabinetGoal, max_joints: int) -> Array:
+def observe(snapshot: Snapshot, goal: CabinetGoal, max_joints: int, state: CabinetStateConfig) -> Array:
     """Return the state vector, (B, D) float32: object, target, robot.
 
     Raises:
         AssetError: the object has more joints than the vector has slots.
     """
-    values = observe_state(snapshot, max_joints, max_joints)
-    values[goal.row, object_size(max_joints) + goal.joint] = 1.0
+    handle_size = HANDLE_SIZE if state.handle else 0
+    values, start = observe_state(snapshot, max_joints, max_joints + handle_size), object_size(max_joints)
+    values[goal.row, start + goal.joint] = 1.0
+    if handle_size:
+        start += max_joints
+        values[:, start : start + handle_size] = describe_handle(snapshot, goal)
     return values
 
 
@@ -349,6 +367,7 @@ def make_open_cabinet(config: OpenCabinetConfig) -> Task:
     cabinet_measures.load_kernels()
     staged_reward.load_kernel()
     one_hot = ObservationField("target joint, one-hot", joints, 1.0, "1")
+    described = HANDLE_FIELDS if config.state.handle else ()
     return Task(
         config=config,
         category="cabinet",
@@ -362,8 +381,8 @@ def make_open_cabinet(config: OpenCabinetConfig) -> Task:
         reward_terms=partial(reward_terms, config=config.reward, success=config.success),
         reward_weights=config.reward.weights,
         reward_table=TABLE,
-        observe_state=partial(observe, max_joints=joints),
-        state_fields=state_fields(joints, len(robot.mounts), (one_hot,)),
+        observe_state=partial(observe, max_joints=joints, state=config.state),
+        state_fields=state_fields(joints, len(robot.mounts), (one_hot, *described)),
         mask_names=MASK_NAMES,
         masks=masks,
         describe_progress=describe_progress,

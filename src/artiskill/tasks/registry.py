@@ -21,11 +21,11 @@ if TYPE_CHECKING:  # importing it would bring the engine in
 # Worker processes inherit it: the tasks of other packages, as JSON.
 INHERITED = "ARTISKILL_TASKS"
 # sections of a task's configuration that change what is seen, and nothing of what happens
-SEEN_SECTIONS = ("cameras", "render")
+SEEN_SECTIONS = ("cameras", "render", "state")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*")
 _REFERENCE = re.compile(r"\w+(\.\w+)*:\w+")
-# keys that make a task the one of its name
-_FIXED = {"name", "motion"}
+# keys of its configuration that make a task the one of its name: no override may hold them
+NAME_KEYS = ("name", "motion")
 _HINT = "(a task of another package is registered when that is imported; on the command line, name it module:Task)"
 
 
@@ -133,7 +133,7 @@ def make_task(name: str, overrides: Mapping[str, Any] | None = None) -> "Task":
     spec = task_spec(name)
     if overrides is not None and not isinstance(overrides, Mapping):
         raise ConfigError(f"config must be a mapping of keys to values, not {shown(overrides)}")
-    for key in _FIXED & set(overrides or {}):
+    for key in [name for name in NAME_KEYS if name in (overrides or {})]:
         raise ConfigError(
             f"{key!r} is what makes {name} this task and cannot be changed; make another task instead"
         )

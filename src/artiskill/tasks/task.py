@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, Category
-from artiskill.config import CONFIG_DIR, check, from_layers, load_yaml, merge_overrides
+from artiskill.config import CONFIG_DIR, check, from_layers, load_yaml, merge_overrides, to_mapping
 from artiskill.errors import AssetError, ConfigError, shown
 from artiskill.geometry.arrays import Array, namespace, total
 from artiskill.robots.config import LIKE, RobotConfig, robot_mapping
@@ -22,6 +22,7 @@ from artiskill.sensors.pictures.framing import WorldCameraConfig
 from artiskill.sensors.render_config import RenderConfig, render_mapping
 from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import InitialState
+from artiskill.tasks.registry import NAME_KEYS
 from artiskill.tasks.staged_reward import StageTable
 from artiskill.tasks.validation import check_flags, check_parts, check_terms
 
@@ -163,6 +164,11 @@ class Task:
     def name(self) -> str:
         """Name of the task, as in environment ids: `OpenCabinetDrawer`."""
         return cast(str, self.config.name)
+
+    @property
+    def overrides(self) -> dict[str, Any]:
+        """All values of the configuration, as `make_task` takes them."""
+        return {key: value for key, value in to_mapping(self.config).items() if key not in NAME_KEYS}
 
     @property
     def robot(self) -> RobotConfig:
