@@ -37,7 +37,7 @@ class Actor(Protocol):
         obs_mode: the observation mode that it needs; None if any will do.
         control_mode: the control mode that its actions are of; None if it can act in any.
         sampling: of the clouds that it sees; None for the full ones.
-        observation_config: values of the task's `cameras`, `render` and `state` that it needs; None for the task's.
+        observation_config: values of `cameras`, `render` and `state` that it needs; None for the task's.
         from_chunk: whether the last action was of an earlier answer, so that nobody was asked.
         confinement: of its process; None if it has none of its own.
     """

@@ -45,7 +45,7 @@ class Solution:
         obs_mode: the observation mode that it needs; None if any will do.
         control_mode: the control mode that its actions are of; None if they may be of any.
         sampling: of the clouds that it sees; None for the full ones.
-        observation_config: values of the task's `cameras`, `render` and `state` that it needs; None for the task's.
+        observation_config: values of `cameras`, `render` and `state` that it needs; None for the task's.
         confinement: of its process, as was found out there; None if it has none of its own.
 
     Raises:
@@ -295,6 +295,6 @@ def _checked_observation_config(given: Any, name: str) -> Mapping[str, Any] | No
     if given is None:
         return None
     if not isinstance(given, Mapping) or any(str(key).partition(".")[0] not in SEEN_SECTIONS for key in given):
-        legal = " and ".join(f"{key!r}" for key in SEEN_SECTIONS)
+        legal = ", ".join(f"{key!r}" for key in SEEN_SECTIONS)
         raise PolicyError(f"{name}: observation_config changes the sections {legal} only, not {shown(given)}")
     return given

@@ -180,7 +180,7 @@ class ServerMetadata:
     frame: str | None = None  # of the points
     method: str | None = None  # how they are chosen, see `Sampling`
     settings: dict[str, Any] | None = None  # of the method
-    observation_config: dict[str, Any] | None = None  # values of the task's `cameras`, `render` and `state` that it needs
+    observation_config: dict[str, Any] | None = None  # values of `cameras`, `render` and `state` that it needs
     replan_steps: int | None = None  # how many actions of an answer are taken before it is asked again
 
     def __post_init__(self) -> None:

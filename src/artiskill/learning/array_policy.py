@@ -60,7 +60,7 @@ class Header:
     algorithm: str
     control_mode: str  # of the actions
     sampling: dict[str, Any]  # of the clouds, as `Sampling` has it
-    observation_config: dict[str, Any]  # the task's sections `cameras`, `render` and `state` that it was trained with
+    observation_config: dict[str, Any]  # sections `cameras`, `render` and `state`, as in training
     frame: str  # of their points
     points: int  # of a cloud
     masks: int  # of a cloud
