@@ -188,7 +188,7 @@ def test_a_sampling(solution: Write) -> None:
         (CLOUDS + "{'points': 256}\n", "unknown key 'points'; did you mean 'num_points'?"),
         (CLOUDS + "{'frame': 'hand'}\n", "unknown frame 'hand'"),
         (CLOUDS + "{'num_points': 0}\n", "num_points"),
-        (CLASS + "    observation_config = {'episode_steps': 9}\n", "the sections 'cameras', 'render', 'state' only"),
+        (CLASS + "    observation_config = {'episode_steps': 9}\n", "'cameras', 'render', 'state' only"),
         (CLASS + "    observation_config = 64\n", "the sections 'cameras', 'render', 'state' only, not 64"),
     ],
 )
