@@ -381,7 +381,7 @@ def test_targets_objects_of_ones_own_and_fresh_levels(tmp_path: Path) -> None:
     assert (report.levels, report.salt) == (None, "2026-11-23 a")
     assert report.protocol.id.endswith("/fresh-2026-11-23 a")
     write_report(report, tmp_path)
-    assert "unknown object 'mine'" in faults(tmp_path)
+    assert "the report's object 'mine' is none of this package: name it, or the folder" in faults(tmp_path)
     assert verify_report(tmp_path, objects=[cabinet]).faults == ()
     other = replace(artiskill.load_object("generated:9"), id="mine")
     assert "content_hash" in "\n".join(verify_report(tmp_path, objects=[other]).faults) or faults(tmp_path)

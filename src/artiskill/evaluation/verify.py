@@ -16,7 +16,7 @@ import numpy as np
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import checked_hash, load_object
 from artiskill.config import check, differing
-from artiskill.errors import ArtiSkillError, ConfigError, shown
+from artiskill.errors import ArtiSkillError, ConfigError, UnknownNameError, shown
 from artiskill.evaluation.action_replay import ReplayJob, replay, replay_jobs
 from artiskill.evaluation.evaluate import Result, prepare_workers, run_evaluation
 from artiskill.evaluation.plan import EpisodeBatch, EvaluationPlan, inspect_any, name_batches
@@ -112,7 +112,13 @@ def plan_again(report: StoredReport, objects: Sequence[str | ArticulatedObject] 
         item = given.get(row.object, row.object)
         target = None if row.target == ANY_TARGET else row.target
         parts = report.task, overrides, item, target, report.counted_levels, report.policy, *modes
-        batches.append(EpisodeBatch(*parts, checked_hash(item), report.sampling))
+        try:
+            batches.append(EpisodeBatch(*parts, checked_hash(item), report.sampling))
+        except UnknownNameError as error:
+            raise ConfigError(
+                f"the report's object {row.object!r} is none of this package: name it, or the folder that it was "
+                "read from (--objects)"
+            ) from error
     named, protocol = name_batches(task, tuple(batches), report.salt)
     policy = report.policy, report.policy, report.policy_sha256
     return EvaluationPlan(
