@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import spearmanr
 
-from artiskill import list_objects
 from artiskill.assets.catalog import load_object, resolve_objects
 from artiskill.assets.similarity import NEAR_DUPLICATE_M, Descriptor, describe, nearest_neighbour
 from artiskill.errors import ArtiSkillError
 from artiskill.gallery.facts import markdown
 from artiskill.learning.train_config import ROLLOUT_SEEDS
+from artiskill.tasks.registry import task_spec
 from learning_tables.cells import TASKS
 from learning_tables.markdown import sum_of, write_between
 from learning_tables.results import Measured, read_rows, write_rows
@@ -27,14 +27,14 @@ from make_track_tables import TABLE as RATES
 
 TABLE = Path("data", "novelty.csv")  # beside the page
 BEGIN, END = "<!-- made by tools/make_novelty_table.py -->", "<!-- end of the novelty -->"
-CSV_HEAD = ["category", "split", "object", "nearest train", "mm", "nearest generated", "mm to generated"]
+CSV_HEAD = ["task", "split", "object", "nearest train", "mm", "nearest generated", "mm to generated"]
 NO_RESTRICTIONS = next(iter(TRACKS))  # the track that adds generated objects
 
 
 class Novelty(NamedTuple):
     """How far an object is from those that policies train on."""
 
-    category: str
+    task: str
     split: str
     object: str
     train: str
@@ -57,7 +57,7 @@ def main(arguments: list[str]) -> int:
     try:
         found = [] if options.again else read_novelty(table)
         if not found:
-            found = [one for category in ROLLOUT_SEEDS for one in measure(category)]
+            found = [one for task in TASKS for one in measure(task)]
             write_rows(table, [CSV_HEAD, *(list(map(str, one)) for one in found)])
         rates = read_csv(options.page.parent / RATES)
         by_track = {
@@ -80,34 +80,37 @@ def read_novelty(path: Path) -> list[Novelty]:
     ]
 
 
-def measure(category: str) -> Iterator[Novelty]:
-    """Yield the objects of a category that no policy trains on."""
-    print(f"describing {category}s", flush=True)
-    train = _described(list_objects(split="train", category=category))
-    generated = _described([f"generated:{category}:{ROLLOUT_SEEDS[category]}"])
+def measure(task: str) -> Iterator[Novelty]:
+    """Yield the objects of a task that no policy trains on."""
+    print(f"describing the objects of {task}", flush=True)
+    category = task_spec(task).category
+    train = _described(["train"], task)
+    generated = _described([f"generated:{category}:{ROLLOUT_SEEDS[category]}"], task)
     for split in SPLITS:
-        for one in _described(list_objects(split=split, category=category)):
+        for one in _described([split], task):
             nearest = [nearest_neighbour(one, others) for others in (train, generated)]
             values = [value for n in nearest if n for value in (n.nearest, round(1e3 * n.distance_m, 1))]
-            yield Novelty(category, split, one.id, *values)  # type: ignore[arg-type]
+            yield Novelty(task, split, one.id, *values)  # type: ignore[arg-type]
 
 
-def _described(names: Sequence[str]) -> list[Descriptor]:
-    return [describe(load_object(one) if isinstance(one, str) else one) for one in resolve_objects(names)]
+def _described(names: Sequence[str], task: str) -> list[Descriptor]:
+    """Describe the objects that a task can use."""
+    found = resolve_objects(names, task=task)
+    return [describe(load_object(one) if isinstance(one, str) else one) for one in found]
 
 
 def distances_text(found: Sequence[Novelty]) -> str:
-    """Return the table of distances: least, median and greatest."""
+    """Return the table of distances: median, least and greatest."""
     rows = []
-    for category, split in dict.fromkeys((one.category, one.split) for one in found):
-        chosen = [one for one in found if (one.category, one.split) == (category, split)]
-        limit = 1e3 * NEAR_DUPLICATE_M[category]  # type: ignore[index]
+    for task, split in dict.fromkeys((one.task, one.split) for one in found):
+        chosen = [one for one in found if (one.task, one.split) == (task, split)]
+        limit = 1e3 * NEAR_DUPLICATE_M[task_spec(task).category]
         cells = []
         for distances in ([one.train_mm for one in chosen], [one.generated_mm for one in chosen]):
             cells += [_range(distances), f"{sum(one < limit for one in distances)} of {len(chosen)}"]
-        rows.append([category, split, *cells])
+        rows.append([task, split, *cells])
     head = ["mm to `train`", "near duplicates in `train`", "mm to generated ones", "among generated ones"]
-    return markdown(["category", "objects", *head], rows)
+    return markdown(["task", "objects", *head], rows)
 
 
 def _range(values: Sequence[float]) -> str:
@@ -116,9 +119,9 @@ def _range(values: Sequence[float]) -> str:
 
 def rates_text(found: Sequence[Novelty], by_track: dict[tuple[str, str], list[dict[str, Measured]]]) -> str:
     """Return the table of success by distance: of the nearer and of the farther half of all unseen objects."""
-    by_name = {one.object: one for one in found}
     rows = []
     for (track, task), policies in by_track.items():
+        by_name = {one.object: one for one in found if one.task == task}
         if not policies:
             continue
         all_of = sum_of([one for splits in policies for one in splits.values()])

@@ -1,9 +1,9 @@
 """Make the films of the package's policies, the strips of tasks and demonstrations, and the replays anew.
 
-`python tools/make_pictures.py` makes all, `... films` or `... replays` only those. They are small: pages should
-load fast.
+`python tools/make_pictures.py` makes all, `... strips` only those. They are small: pages should load fast.
 """
 
+import argparse
 import re
 import sys
 from pathlib import Path
@@ -56,13 +56,17 @@ STRIP_FRAMES, STRIP_SIZE = 4, (360, 270)
 
 
 def main(arguments: list[str]) -> None:
-    """The films, then the strips of tasks, then those of demonstrations; then the replays."""
-    if arguments != ["replays"]:
-        for name in FILMS:
-            make_film(name)
-    if not arguments:
-        make_strips()
-    for task in STRIPS if arguments != ["films"] else ():
+    """The films, then the strips of tasks and of demonstrations, then the replays; or what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", nargs="?", choices=MAKERS, help="(default: all)")
+    what = parser.parse_args(arguments).what
+    for name in [what] if what else MAKERS:
+        MAKERS[name]()
+
+
+def make_replays() -> None:
+    """One of each task."""
+    for task in STRIPS:
         path = make_replay(task, REPLAYS)
         print(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
 
@@ -107,6 +111,12 @@ def make_strip(path: Path, task: str, object_id: str, level: int) -> str:
     return end
 
 
+def make_films() -> None:
+    """Of successes and of failures."""
+    for name in FILMS:
+        make_film(name)
+
+
 def make_film(name: str) -> None:
     """Episodes of the package's policies with the points that they see, the last frame for a second."""
     (filmed, every), frames, path = FILMS[name], [], IMAGES / f"{name}.gif"
@@ -127,6 +137,8 @@ def smaller(frame: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     """A frame scaled down."""
     return np.asarray(Image.fromarray(frame).resize(size, Image.Resampling.LANCZOS))
 
+
+MAKERS = {"films": make_films, "strips": make_strips, "replays": make_replays}
 
 if __name__ == "__main__":
     main(sys.argv[1:])

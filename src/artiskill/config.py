@@ -303,8 +303,9 @@ def _fit(kind: Any, value: Any, path: str) -> Any:
         raise ConfigError(f"{path} is a list, which is given as a whole, not by keys such as {shown(key)}")
     if origin in (tuple, list) and isinstance(value, list | tuple):
         items = arguments[:1] * len(value) if origin is list or arguments[1:] == (...,) else arguments
-        fitted = [_fit(a, v, f"{path}[{i}]") for i, (a, v) in enumerate(zip(items, value, strict=False))]
-        return origin((*fitted, *value[len(fitted) :]))
+        if len(items) != len(value):
+            raise ConfigError(f"{path} needs {len(items)} values, not {shown(value)}")
+        return origin(_fit(a, v, f"{path}[{i}]") for i, (a, v) in enumerate(zip(items, value, strict=True)))
     if origin in (dict, Mapping) and isinstance(value, Mapping):
         return {key: _fit(arguments[1], item, _join(path, key)) for key, item in value.items()}
     return value

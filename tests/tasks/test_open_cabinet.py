@@ -96,6 +96,13 @@ def test_torch_gives_the_same_answers(moving: tuple[Snapshot, CabinetGoal]) -> N
     torch = pytest.importorskip("torch", reason="torch tensors are tried where torch is installed")
     ours = answers(*moving)
     theirs = answers(*(converted(value, torch.asarray) for value in moving))
+    door, ajar = make_task("OpenCabinetDoor"), [opened(*moving, np.array((0.15, 0.2, 0.6))), moving[1]]
+    doors = [
+        door.reward_terms(*given, door.flags(*given))
+        for given in (ajar, [converted(v, torch.asarray) for v in ajar])
+    ]
+    for name, value in doors[0].items():
+        np.testing.assert_allclose(doors[1][name].numpy(), value, atol=1e-7, err_msg=name)
     described = [describe_handle(*moving), describe_handle(*(converted(v, torch.asarray) for v in moving)).numpy()]
     np.testing.assert_allclose(*described, atol=1e-12)
     for name, value in ours.items():
@@ -174,6 +181,7 @@ def test_kernels_measure_what_the_array_code_defines(
     held, gripped = gripping(cabinet, "link_3")
     tried = [(shaken(moving[0]), moving[1], never), (shaken(held), gripped, never)]
     tried += [(opened(*moving, np.array(part)), moving[1], ajar) for part in ((0.05, 0.2, 0.6), (0.7, 0.95, 1.1))]
+    tried += [(opened(held, gripped, np.array([part])), gripped, ajar) for part in (0.2, 0.95)]
     for snapshot, goal, limits in tried:
         kernels, arrays = measure(snapshot, goal, limits), measure_by_arrays(snapshot, goal, limits)
         assert kernels.shape == (len(goal.link), len(MEASURES))

@@ -1,6 +1,7 @@
 """The table of how new test objects are: nearest objects, and success by distance."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -23,35 +24,49 @@ def page(tmp_path: Path) -> Path:
 
 def test_success_by_distance(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     known = [
-        Novelty("bucket", "test", name, "a", 10.0 * k + 4.0, "b", 10.0 * k + 1.0)
+        Novelty("MoveBucket", "test", name, "a", 10.0 * k + 4.0, "b", 10.0 * k + 1.0)
         for k, (name, _, _) in enumerate(RATES)
     ]
-    monkeypatch.setattr(script, "measure", lambda category: iter(known if category == "bucket" else []))
+    monkeypatch.setattr(script, "measure", lambda task: iter(known if task == "MoveBucket" else []))
     assert script.main(["--page", str(page)]) == 0
     text = page.read_text()
-    assert "| bucket | test | 19 (4 to 34) | 1 of 4 | 16 (1 to 31) | 1 of 4 |" in text
+    assert "| MoveBucket | test | 19 (4 to 34) | 1 of 4 | 16 (1 to 31) | 1 of 4 |" in text
     assert "| no-restrictions | MoveBucket | 90%, 1 to 11 mm | 10%, 21 to 31 mm | -1.00 |" in text
-    monkeypatch.setattr(script, "measure", lambda category: pytest.fail("it is in the file"))
+    monkeypatch.setattr(script, "measure", lambda task: pytest.fail("it is in the file"))
     assert script.main(["--page", str(page)]) == 0
     assert page.read_text() == text
 
 
-def test_the_nearest_of_the_catalogue_and_of_generated_ones(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(script, "ROLLOUT_SEEDS", {"bucket": "0..3"})
-    names = {"train": ["bucket-0001", "bucket-0002"], "test": ["bucket-0004"], "ood": ["bucket-0040"]}
-    monkeypatch.setattr(script, "list_objects", lambda split, category: names[split])
-    one, other = measure("bucket")
-    assert (one.split, one.object, other.split, other.object) == ("test", "bucket-0004", "ood", "bucket-0040")
-    assert one.train in names["train"]
-    assert one.generated.startswith("generated-bucket-")
-    assert 1 < one.train_mm < 100
-    assert one.distance_mm("no-restrictions") == min(one.train_mm, one.generated_mm)
-    assert one.distance_mm("interactive-expert") == one.train_mm
+def test_the_nearest_of_what_the_task_trains_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of cabinets, each task counts those with its kind of joint only."""
+    monkeypatch.setattr(script, "ROLLOUT_SEEDS", {"cabinet": "0..5"})
+    names = {"train": ["cabinet-0002", "cabinet-0064"], "test": ["cabinet-0001"], "ood": ["cabinet-0083"]}
+    usual = script.resolve_objects
+
+    def resolve(given: list[str], task: str) -> list[Any]:
+        listed = names.get(given[0], given)
+        return [one for one in usual(listed) if not isinstance(one, str) or one in usual([given[0]], task=task)]
+
+    monkeypatch.setattr(script, "resolve_objects", resolve)
+    first, other = measure("OpenCabinetDrawer")
+    assert (first.split, first.object, other.split, other.object) == (
+        "test",
+        "cabinet-0001",
+        "ood",
+        "cabinet-0083",
+    )
+    assert first.train == other.train == "cabinet-0002", "the other one has doors alone"
+    assert first.generated.startswith("generated-cabinet-")
+    assert 1 < first.train_mm < 200
+    assert first.distance_mm("no-restrictions") == min(first.train_mm, first.generated_mm)
+    assert first.distance_mm("interactive-expert") == first.train_mm
 
 
 def test_a_page_without_marks(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page.write_text("no marks")
     (page.parent / TABLE).unlink()
-    (page.parent / script.TABLE).write_text(",".join(script.CSV_HEAD) + "\nbucket,test,bucket-0004,a,5.0,b,1.0\n")
+    (page.parent / script.TABLE).write_text(
+        ",".join(script.CSV_HEAD) + "\nMoveBucket,test,bucket-0004,a,5.0,b,1.0\n"
+    )
     assert script.main(["--page", str(page)]) == 2
     assert "lacks the marks" in capsys.readouterr().err

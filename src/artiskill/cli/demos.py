@@ -267,7 +267,7 @@ def _add_replay(commands: Any) -> None:
     )
     add("--keep-failures", action="store_true", help="keep trajectories that are no longer solved, too")
     add("--compression", type=int, default=1, help="gzip level, 0 to 9 (default: %(default)s)")
-    add_set(parser, "values of the settings cameras.* and render.*")
+    add_set(parser, "values of the settings cameras.*, render.* and, of cabinets, state.*")
     add_stored_task(parser)
     add_workers(parser)
 

@@ -65,7 +65,7 @@ class ReplaySettings:
     control_mode: str  # of the actions
     way: str  # `simulate`, play the actions once more, or `restore`, restore every recorded state
     sampling: Sampling | None  # of point clouds; None for the full ones, and in other modes
-    seen: dict[str, Any]  # values of the task's sections `cameras` and `render` that are other ones
+    seen: dict[str, Any]  # other values of the task's sections `cameras`, `render` and `state`
     count: int | None  # trajectories of each object, evenly of its targets; None for all
     keep_failures: bool  # keep what is not solved, too
     compression: int  # level of gzip

@@ -109,7 +109,7 @@ def reinforce(
 
 def _prepare(config: ReinforcementConfig, folder: Path) -> RunInfo:
     """Write what the run's folder says of itself, or compare it with what is asked for."""
-    make_task(config.task, config.config)  # what is illegal is said before a folder is made
+    make_task(config.task, config.config)  # what is illegal is said before anything is written
     objects = resolve_objects(list(config.objects), task=config.task)
     hashes = " ".join(checked_hash(one) for one in objects)
     info = RunInfo(

@@ -1,7 +1,7 @@
 """`ReinforcementConfig`: all values of a run of reinforcement learning. Importing this imports no torch."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -123,7 +123,6 @@ class ReinforcementConfig:
     steps: int  # of all environments together
     seed: int  # of initial weights, levels and noise
     envs: int
-    config: dict[str, Any]  # changed values of the task's configuration
     terminate_on_success: bool
     reward_scale: float
     normalise: bool  # observations, by what has been seen so far
@@ -131,6 +130,7 @@ class ReinforcementConfig:
     checkpoint_every: int  # steps
     evaluation: EvaluationConfig
     algorithm: dict[str, Any]  # values of `SACConfig` or `PPOConfig`
+    config: dict[str, Any] = field(default_factory=dict)  # changed values of the task's configuration
 
     def __post_init__(self) -> None:
         check_name("algorithm", self.name, REINFORCEMENT)

@@ -48,7 +48,7 @@ class RunInfo:
     sampling: dict[str, Any]  # of the clouds, as `Sampling` has it
     sizes: dict[str, int]  # see `artiskill.learning.batch.Sizes`
     statistics: dict[str, list[float]]  # see `artiskill.learning.batch.Statistics`
-    overrides: dict[str, Any]  # of the task's configuration, in the demonstrations
+    overrides: dict[str, Any]  # of the task's configuration, in the demonstrations or in training
     data: str  # digest of the training set's manifest, or of the objects of rollouts
     objects: list[str]  # ids, whose demonstrations or rollouts these are
     steps: int  # of demonstrations, or of rollouts at most
@@ -57,7 +57,7 @@ class RunInfo:
 
     @property
     def observation_config(self) -> dict[str, Any]:
-        """The task's sections that say how the demonstrations were seen, as evaluation asks of a policy."""
+        """The task's sections that say what was seen, as evaluation asks of a policy."""
         return {key: value for key, value in self.overrides.items() if key.partition(".")[0] in SEEN_SECTIONS}
 
     @property

@@ -17,7 +17,9 @@ HANDLE_FIELDS = (
     ObservationField("from the hand to the grasp position, base frame", 3, _FAR_M, "m"),
     ObservationField("where the grasp points and where its fingers close, base frame", 6, 1.0, "1"),
     ObservationField("where the hand points and where its fingers close, base frame", 6, 1.0, "1"),
-    ObservationField("velocity of the grasp while the joint opens by 1 m/s or rad/s, base frame", 3, _FAR_M, "m"),
+    ObservationField(
+        "velocity of the grasp while the joint opens by 1 m/s or rad/s, base frame", 3, _FAR_M, "m/s"
+    ),
     ObservationField("how far the target is open: 0 closed, 1 open enough", 1, _MOST_OPENING, "1"),
     ObservationField("extent of the handle between the fingers", 1, _FAR_M, "m"),
 )
@@ -25,7 +27,7 @@ HANDLE_SIZE = sum(field.size for field in HANDLE_FIELDS)
 
 
 def describe_handle(snapshot: Snapshot, goal: Any) -> Array:
-    """Return the numbers of `HANDLE_FIELDS`, (B, 23), of the best grasp of each target's handle.
+    """Return the numbers of `HANDLE_FIELDS`, (B, 23), of the first grasp of each target's handle.
 
     Args:
         snapshot: of B environments.

@@ -32,7 +32,7 @@ MEASURES = (  # what they mean stands with the task's table of stages
 _MIDDLE_WEIGHTS = np.array([(1 - t, t, 1 - t, t) for t in (0.0, 0.25, 0.5, 0.75, 1.0)]) / 2
 _HELD = 0.7  # of the range over which a link comes to count as held
 _RANGES_PER_M = 45.0  # of depth: over the whole range, fingers seem to go 22 mm further in
-NEVER_AJAR = (math.inf, math.inf)
+NEVER_AJAR = (1e9, 2e9)  # no link opens so far
 
 
 def target_motion(snapshot: Snapshot, goal: Any) -> tuple[Array, Array]:
@@ -103,7 +103,7 @@ def measure_by_arrays(snapshot: Snapshot, goal: Any, limits: Limits) -> Array:
     qpos = snapshot.object_qpos[goal.row, goal.joint]
     opening = (qpos - goal.lower) / (goal.open_qpos - goal.lower)
     first, last = limits.ajar
-    ajar = clip((opening - first) / (last - first), 0.0, 1.0) if math.isfinite(first) else 0.0 * opening
+    ajar = clip((opening - first) / (last - first), 0.0, 1.0)
     gap = xp.maximum(distance[:, 0], distance[:, 1]) / limits.close_m
     is_ajar = ajar > 0
     held_gap = _HELD / xp.where(is_ajar, ajar, 1.0)
