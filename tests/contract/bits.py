@@ -21,6 +21,8 @@ import artiskill
 # objects whose hash, which rounds, once differed between processors all the same
 ONCE_UNLIKE = ("chair-0004", "chair-0023", "chair-0028", "chair-0032", "chair-0033", "chair-0034")
 RECORDED = Path(__file__).with_name("digests.json")
+# whose states say where the handle is
+HANDLES = {"OpenCabinetDoor": "cabinet-0064", "OpenCabinetDrawer": "cabinet-0002"}
 STEPS = {"state": 25, "pointcloud": 4, "rgbd": 4}
 
 Episode = tuple[str, str, str, str]  # task, object, obs_mode, control_mode
@@ -52,12 +54,18 @@ def digests(objects: list[str], episodes: list[Episode]) -> dict[str, str]:
     found = {"object " + one: digest(artiskill.load_object(one)) for one in objects}
     for episode in episodes:
         found |= {f"{what} of {' '.join(episode)}": value for what, value in played(*episode).items()}
+    for task, object_id in HANDLES.items():
+        told = played(task, object_id, "state", "joint", {"state.handle": True})
+        found[f"observations of {task} {object_id} state.handle"] = told["observations"]
     return found
 
 
-def played(task: str, object_id: str, obs_mode: str, control_mode: str) -> dict[str, str]:
+def played(
+    task: str, object_id: str, obs_mode: str, control_mode: str, config: Mapping[str, Any] | None = None
+) -> dict[str, str]:
     """Play random actions and digest what came of it, by kind."""
-    env: Any = gym.make(f"ArtiSkill/{task}-v0", obs_mode=obs_mode, control_mode=control_mode).unwrapped
+    modes = {"obs_mode": obs_mode, "control_mode": control_mode, "config": config}
+    env: Any = gym.make(f"ArtiSkill/{task}-v0", **modes).unwrapped
     observation, info = env.reset(options={"level": 3, "object": object_id})
     rng = np.random.default_rng(3)
     states, observations, rewards, infos = [env.save_state().simulation], [observation], [], [info]
