@@ -231,7 +231,7 @@ def _measured(rows: Sequence[dict[str, str]]) -> list[str]:
     """Return the rates by seed, millions of steps, and minutes."""
     steps = sorted({f"{int(row['steps']) / 1e6:.2g}" for row in rows})
     minutes = sorted(float(row["minutes"]) for row in rows)
-    span = f"{minutes[0]:.0f} to {minutes[-1]:.0f}" if minutes else ""
+    span = " to ".join(dict.fromkeys(f"{one:.0f}" for one in (*minutes[:1], *minutes[-1:])))
     return [", ".join(_rates(rows)), ", ".join(steps), span]
 
 

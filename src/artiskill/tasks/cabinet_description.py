@@ -7,7 +7,7 @@ frame of the robot's base, for what the robot has to do does not depend on where
 
 from typing import Any
 
-from artiskill.geometry.arrays import Array, namespace, rotate
+from artiskill.geometry.arrays import Array, namespace, rotate, total
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.task import ObservationField
 
@@ -23,7 +23,7 @@ HANDLE_FIELDS = (
     ObservationField("how far the target is open: 0 closed, 1 open enough", 1, _MOST_OPENING, "1"),
     ObservationField("extent of the handle between the fingers", 1, _FAR_M, "m"),
 )
-HANDLE_SIZE = sum(field.size for field in HANDLE_FIELDS)
+HANDLE_SIZE = int(total(field.size for field in HANDLE_FIELDS))
 
 
 def describe_handle(snapshot: Snapshot, goal: Any) -> Array:
