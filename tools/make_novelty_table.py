@@ -74,10 +74,11 @@ def main(arguments: list[str]) -> int:
 
 def read_novelty(path: Path) -> list[Novelty]:
     """Return what was measured before; nothing if there is no file."""
-    return [
-        Novelty(*[float(value) if name.startswith("mm") else value for name, value in row.items()])  # type: ignore[arg-type]
-        for row in read_rows(path, CSV_HEAD)
-    ]
+    found = []
+    for row in read_rows(path, CSV_HEAD):
+        task, split, name, train, train_mm, generated, generated_mm = row.values()
+        found.append(Novelty(task, split, name, train, float(train_mm), generated, float(generated_mm)))
+    return found
 
 
 def measure(task: str) -> Iterator[Novelty]:
@@ -88,9 +89,14 @@ def measure(task: str) -> Iterator[Novelty]:
     generated = _described([f"generated:{category}:{ROLLOUT_SEEDS[category]}"], task)
     for split in SPLITS:
         for one in _described([split], task):
-            nearest = [nearest_neighbour(one, others) for others in (train, generated)]
-            values = [value for n in nearest if n for value in (n.nearest, round(1e3 * n.distance_m, 1))]
-            yield Novelty(task, split, one.id, *values)  # type: ignore[arg-type]
+            yield Novelty(task, split, one.id, *_nearest(one, train), *_nearest(one, generated))
+
+
+def _nearest(one: Descriptor, others: Sequence[Descriptor]) -> tuple[str, float]:
+    """Return the id of the nearest of several objects, and its distance in millimetres."""
+    found = nearest_neighbour(one, others)
+    assert found is not None, "there are others"
+    return found.nearest, round(1e3 * found.distance_m, 1)
 
 
 def _described(names: Sequence[str], task: str) -> list[Descriptor]:
@@ -121,9 +127,9 @@ def rates_text(found: Sequence[Novelty], by_track: dict[tuple[str, str], list[di
     """Return the table of success by distance: of the nearer and of the farther half of all unseen objects."""
     rows = []
     for (track, task), policies in by_track.items():
-        by_name = {one.object: one for one in found if one.task == task}
         if not policies:
             continue
+        by_name = {one.object: one for one in found if one.task == task}
         all_of = sum_of([one for splits in policies for one in splits.values()])
         ordered = sorted(all_of.episodes, key=lambda name: (by_name[name].distance_mm(track), name))
         rates = [all_of.successes[name] / all_of.episodes[name] for name in ordered]

@@ -218,8 +218,8 @@ def tables_text(rows: Sequence[dict[str, str]]) -> str:
         chosen = [row for row in many if (row["table"], row["algorithm"], row["objects"]) == key]
         sides = {split: [row for row in chosen if row["measured on"] == split] for split in ("new", "test")}
         rates = [", ".join(_rates(side)) for side in sides.values()]
-        second.append([str(count), STATES[table], algorithm, *rates, PAPER_MANY.get(count, "")])
-        second[-1] += _measured(sides["new"])[1:]
+        paper, cost = PAPER_MANY.get(count, ""), _measured(sides["new"])[1:]
+        second.append([str(count), STATES[table], algorithm, *rates, paper, *cost])
     head = ["task", "object", "target", "algorithm", "solved, by seed", "million steps", "minutes of a core"]
     parts = ["Nothing is measured yet."] if not rows else []
     parts += [markdown(head, first)] * bool(first)

@@ -13,10 +13,10 @@ from artiskill.errors import AssetError, ConfigError, UnknownNameError
 from artiskill.scene.scene import build_scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.cabinet_description import describe_handle
 from artiskill.tasks.cabinet_measures import (
     MEASURES,
     Limits,
+    describe_handle,
     finger_distances,
     hand_angle,
     measure,

@@ -14,7 +14,7 @@ from artiskill.robots.config import LIKE, RobotConfig
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.props import Prop
 from artiskill.sim.states import touched_props
-from artiskill.tasks.registry import NAME_KEYS, make_task
+from artiskill.tasks.registry import as_overrides, make_task
 from artiskill.tasks.task import Task
 from artiskill.versions import versions
 
@@ -120,7 +120,7 @@ class Settings:
     @property
     def overrides(self) -> dict[str, Any]:
         """The task's configuration as `make_task` takes it."""
-        return {key: value for key, value in self.config.items() if key not in NAME_KEYS}
+        return as_overrides(self.config)
 
     @cached_property
     def setup(self) -> tuple[RobotConfig, PhysicsConfig, tuple[Prop, ...]]:

@@ -202,12 +202,11 @@ def plan_evaluation(
     policy = policy_of_task(policy, task)
     wanted = sandbox if isinstance(sandbox, SandboxConfig) else SandboxConfig(sandbox)
     policy, actor, notes = inspect_any(policy, task, obs_mode, control_mode, load_timeout_s, wanted)
-    try:
-        make_task(task, actor.observation_config)
-    except ConfigError as error:
-        raise PolicyError(f"{actor.name}: its observation_config does not fit {task}: {error}") from error
     overrides = merge_overrides(actor.observation_config or {}, config or {})
-    resolved = make_task(task, overrides)
+    try:
+        resolved = make_task(task, overrides)
+    except ConfigError as error:  # which is not of `config`, as that alone is legal
+        raise PolicyError(f"{actor.name}: its observation_config does not fit {task}: {error}") from error
     modes = (
         _mode("obs_mode", obs_mode, actor) or _DEFAULT_OBS_MODE,
         _mode("control_mode", control_mode, actor) or JOINT,

@@ -43,7 +43,7 @@ from artiskill.evaluation.stored_report import ReportFolder, StoredReport, read_
 from artiskill.files import parse_json, read_bytes
 from artiskill.jobs.parallel import check_workers, run_jobs
 from artiskill.jobs.worker import Send
-from artiskill.tasks.registry import NAME_KEYS, make_task
+from artiskill.tasks.registry import as_overrides, make_task
 from artiskill.versions import versions
 
 _MOST_LATENCY_BYTES = 500_000_000  # ten million answers
@@ -104,7 +104,7 @@ def plan_again(report: StoredReport, objects: Sequence[str | ArticulatedObject] 
     """
     loaded = [load_object(one) if isinstance(one, str) else one for one in objects]
     given: dict[str, ArticulatedObject] = {obj.id: obj for obj in loaded}
-    overrides = {key: value for key, value in report.config.items() if key not in NAME_KEYS}
+    overrides = as_overrides(report.config)
     task = make_task(report.task, overrides)
     modes = report.obs_mode, report.control_mode
     batches = []

@@ -26,7 +26,7 @@ from artiskill.errors import ConfigError, DemoError, shown
 from artiskill.files import check_path, file_sha256, is_file, parse_json, read_bytes
 from artiskill.learning.batch import Sizes, Statistics
 from artiskill.learning.observation import MOST_MASKS, ObservationLayout
-from artiskill.tasks.registry import NAME_KEYS
+from artiskill.tasks.registry import as_overrides
 
 FORMAT, VERSION = "artiskill-training-set", 1
 MANIFEST, FRAMES, STEPS, TRAJECTORIES = "manifest.json", "frames.bin", "steps.npy", "trajectories.npy"
@@ -91,8 +91,7 @@ class SetManifest:
     @property
     def overrides(self) -> dict[str, Any]:
         """The task's configuration as `make_task` takes it."""
-        config = {key: value for key, value in self.settings["source"]["config"].items() if key not in NAME_KEYS}
-        return config | self.settings["seen"]
+        return as_overrides(self.settings["source"]["config"]) | self.settings["seen"]
 
 
 def manifest_text(manifest: SetManifest) -> str:

@@ -1,4 +1,4 @@
-"""What the cabinet tasks measure: how the target moves, and how the hand lies at its handle.
+"""What the cabinet tasks measure for rewards and states: how the target moves, how the hand lies at its handle.
 
 An environment's step spends some 300 microseconds in the engine, and had 50 more in these array calls; the kernels
 take 7 (benchmarks/environment.py shows the whole). The array code remains for other libraries, and as the
@@ -6,6 +6,9 @@ definition that a test holds the kernels to. Handle data is in the frame of the 
 
 A link that is ajar counts as held, if the task says so: `finger_gap` and `depth` then are as if the fingers closed
 in while it opens. At `_HELD` of the range that the task gives, they are at the handle.
+
+The state of the paper has joints and a root: enough for an agent of one cabinet, which learns where the handle is.
+Of many cabinets `describe_handle` says where the hand shall go, and in which direction it shall pull.
 """
 
 import math
@@ -13,10 +16,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from artiskill.geometry.arrays import Array, amax, amin, arccos, clip, columns, dot, matmul, namespace
+from artiskill.geometry.arrays import (
+    Array,
+    amax,
+    amin,
+    arccos,
+    clip,
+    columns,
+    dot,
+    matmul,
+    namespace,
+    rotate,
+    total,
+)
 from artiskill.geometry.kernel import allocating_kernel, inlined_kernel, kernel
 from artiskill.geometry.meshes import depth_inside
+from artiskill.geometry.rotations import cross
 from artiskill.sim.snapshot import Snapshot
+from artiskill.tasks.task import ObservationField
 
 MEASURES = (  # what they mean stands with the task's table of stages
     "hand_angle",
@@ -33,6 +50,19 @@ _MIDDLE_WEIGHTS = np.array([(1 - t, t, 1 - t, t) for t in (0.0, 0.25, 0.5, 0.75,
 _HELD = 0.7  # of the range over which a link comes to count as held
 _RANGES_PER_M = 45.0  # of depth: over the whole range, fingers seem to go 22 mm further in
 NEVER_AJAR = (1e9, 2e9)  # no link opens so far
+_FAR_M, _MOST_OPENING = 20.0, 100.0
+HANDLE_FIELDS = (
+    ObservationField("grasp position, base frame", 3, _FAR_M, "m"),
+    ObservationField("from the hand to the grasp position, base frame", 3, _FAR_M, "m"),
+    ObservationField("where the grasp points and where its fingers close, base frame", 6, 1.0, "1"),
+    ObservationField("where the hand points and where its fingers close, base frame", 6, 1.0, "1"),
+    ObservationField(
+        "velocity of the grasp while the joint opens by 1 m/s or rad/s, base frame", 3, _FAR_M, "m/s"
+    ),
+    ObservationField("how far the target is open: 0 closed, 1 open enough", 1, _MOST_OPENING, "1"),
+    ObservationField("extent of the handle between the fingers", 1, _FAR_M, "m"),
+)
+HANDLE_SIZE = int(total(field.size for field in HANDLE_FIELDS))
 
 
 def target_motion(snapshot: Snapshot, goal: Any) -> tuple[Array, Array]:
@@ -100,8 +130,7 @@ def measure_by_arrays(snapshot: Snapshot, goal: Any, limits: Limits) -> Array:
     origin, rotation = snapshot.link_position_w[at], snapshot.link_rotation_w[at]
     lines = snapshot.finger_line_w[:, :2]  # of the first arm, as its hand below
     distance, depth = finger_distances(lines, origin, rotation, goal.handle_points, goal.handle_planes)
-    qpos = snapshot.object_qpos[goal.row, goal.joint]
-    opening = (qpos - goal.lower) / (goal.open_qpos - goal.lower)
+    opening = _opening(snapshot, goal)
     first, last = limits.ajar
     ajar = clip((opening - first) / (last - first), 0.0, 1.0)
     gap = xp.maximum(distance[:, 0], distance[:, 1]) / limits.close_m
@@ -118,6 +147,39 @@ def measure_by_arrays(snapshot: Snapshot, goal: Any, limits: Limits) -> Array:
         "angular_speed": snapshot.link_angular_speed_rad_s[at] / limits.slow_rad_s,
     }
     return columns([measures[name] for name in MEASURES])
+
+
+def _opening(snapshot: Snapshot, goal: Any) -> Array:
+    """Return how far each target is open, (B,): 0 closed, 1 open enough."""
+    qpos = snapshot.object_qpos[goal.row, goal.joint]
+    return (qpos - goal.lower) / (goal.open_qpos - goal.lower)
+
+
+def describe_handle(snapshot: Snapshot, goal: Any) -> Array:
+    """Return the numbers of `HANDLE_FIELDS`, (B, 23), of the first grasp of each target's handle.
+
+    They are in the frame of the robot's base, for what the robot has to do does not depend on where it stands.
+
+    Args:
+        snapshot: of B environments.
+        goal: their `CabinetGoal`.
+    """
+    xp, at = namespace(snapshot.robot_qpos), (goal.row, goal.link)
+    origin, rotation = snapshot.link_position_w[at], snapshot.link_rotation_w[at]
+    grasp = origin + rotate(rotation, goal.grasp_positions[:, 0])
+    forward, across = (rotate(rotation, goal.grasp_rotations[:, 0, :, axis]) for axis in (2, 1))
+    axis = rotate(rotation, goal.joint_axis)
+    lever = grasp - origin - rotate(rotation, goal.joint_origin)
+    velocity = xp.where(goal.turns[:, None], cross(axis, lever, xp), axis)
+    base = xp.concat((snapshot.robot_qpos[:, :2], xp.zeros_like(grasp[:, :1])), axis=1)
+    hand = snapshot.tool_rotation_w[:, 0]
+    ways = (grasp - base, grasp - snapshot.tool_position_w[:, 0], forward, across, hand[:, :, 2], hand[:, :, 1])
+    vectors = xp.stack((*ways, velocity), axis=1)  # (B, 7, 3)
+    cosine, sine = (turn(snapshot.robot_qpos[:, 2, None]) for turn in (xp.cos, xp.sin))
+    x, y = vectors[:, :, 0], vectors[:, :, 1]
+    turned = xp.stack((cosine * x + sine * y, cosine * y - sine * x, vectors[:, :, 2]), axis=2)
+    flat = xp.reshape(turned, (-1, 3 * vectors.shape[1]))
+    return xp.concat((flat, _opening(snapshot, goal)[:, None], goal.grasp_width_m[:, None]), axis=1)
 
 
 def hand_angle(link_w: Array, hand_w: Array, grasps: Array) -> Array:

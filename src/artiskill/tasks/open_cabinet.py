@@ -29,8 +29,16 @@ from artiskill.scene.scene import Scene
 from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import InitialState
 from artiskill.tasks import cabinet_measures, staged_reward
-from artiskill.tasks.cabinet_description import HANDLE_FIELDS, HANDLE_SIZE, describe_handle
-from artiskill.tasks.cabinet_measures import MEASURES, NEVER_AJAR, Limits, measure, target_motion
+from artiskill.tasks.cabinet_measures import (
+    HANDLE_FIELDS,
+    HANDLE_SIZE,
+    MEASURES,
+    NEVER_AJAR,
+    Limits,
+    describe_handle,
+    measure,
+    target_motion,
+)
 from artiskill.tasks.initial_state import check_ranges, polar, robot_qpos
 from artiskill.tasks.staged_reward import Ramp, Stage, StageTable
 from artiskill.tasks.task import ObservationField, Task, TaskConfig, object_size, observe_state, state_fields

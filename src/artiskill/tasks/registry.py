@@ -25,7 +25,7 @@ SEEN_SECTIONS = ("cameras", "render", "state")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*")
 _REFERENCE = re.compile(r"\w+(\.\w+)*:\w+")
 # keys of its configuration that make a task the one of its name: no override may hold them
-NAME_KEYS = ("name", "motion")
+_NAME_KEYS = ("name", "motion")
 _HINT = "(a task of another package is registered when that is imported; on the command line, name it module:Task)"
 
 
@@ -119,6 +119,11 @@ def load_task(reference: str) -> str:
     return name
 
 
+def as_overrides(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return all values of a resolved configuration, as `make_task` takes them."""
+    return {key: value for key, value in config.items() if key not in _NAME_KEYS}
+
+
 def make_task(name: str, overrides: Mapping[str, Any] | None = None) -> "Task":
     """Assemble a task from its YAML.
 
@@ -133,7 +138,7 @@ def make_task(name: str, overrides: Mapping[str, Any] | None = None) -> "Task":
     spec = task_spec(name)
     if overrides is not None and not isinstance(overrides, Mapping):
         raise ConfigError(f"config must be a mapping of keys to values, not {shown(overrides)}")
-    for key in [name for name in NAME_KEYS if name in (overrides or {})]:
+    for key in [name for name in _NAME_KEYS if name in (overrides or {})]:
         raise ConfigError(
             f"{key!r} is what makes {name} this task and cannot be changed; make another task instead"
         )

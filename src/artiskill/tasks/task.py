@@ -22,7 +22,7 @@ from artiskill.sensors.pictures.framing import WorldCameraConfig
 from artiskill.sensors.render_config import RenderConfig, render_mapping
 from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import InitialState
-from artiskill.tasks.registry import NAME_KEYS
+from artiskill.tasks.registry import as_overrides
 from artiskill.tasks.staged_reward import StageTable
 from artiskill.tasks.validation import check_flags, check_parts, check_terms
 
@@ -168,7 +168,7 @@ class Task:
     @property
     def overrides(self) -> dict[str, Any]:
         """All values of the configuration, as `make_task` takes them."""
-        return {key: value for key, value in to_mapping(self.config).items() if key not in NAME_KEYS}
+        return as_overrides(to_mapping(self.config))
 
     @property
     def robot(self) -> RobotConfig:
