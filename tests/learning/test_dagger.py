@@ -103,6 +103,16 @@ def test_ways_to_roll_a_single_hand_are_kinds_of_their_own() -> None:
     assert space(2).kinds == 3
 
 
+def test_a_space_of_one_kind_has_one_command_for_all_phases_and_rolls() -> None:
+    one = dataclasses.replace(space(), one_kind=True)
+    rolling = np.array([[0, 0, 0, 0, 0, 2.0]])
+    labels = [one.encode(dataclasses.replace(command(1), phase=k, twists=rolling)) for k in range(3)]
+    assert one.kinds == 1
+    assert one.output_size == space().output_size // 9
+    assert [int(label[-1]) for label in labels] == [0, 0, 0]
+    assert one.decode(labels[2]).twists[0, -1] == pytest.approx(2.0)
+
+
 def test_a_space_survives_being_saved() -> None:
     assert from_mapping(CommandSpace, to_mapping(space(2))) == space(2)
 

@@ -47,7 +47,7 @@ def demonstrated_space(task_name: str, control_mode: str, overrides: Mapping[str
     check(control_mode == JOINT, f"commands are told by actions of control mode {JOINT!r}, not {control_mode!r}")
     task = make_task(task_name, overrides)
     controller = commanding_expert(task, {}).controller
-    return command_space(task.robot, task.config.physics.step_s, controller, GRIP_PHASES)
+    return command_space(task, controller, GRIP_PHASES)
 
 
 def check_demonstrated(config: TrainConfig, space: CommandSpace, frame: str) -> None:

@@ -60,6 +60,7 @@ class CommandSpace:
     arm_qpos_rad: tuple[float, ...]  # posture of the arms that are moved
     close_speed_m_s: float  # of a finger that closes slowly
     rolls: bool  # whether the last joint of each arm is free to turn
+    one_kind: bool = False  # kinds are not told apart: there is one
 
     def __post_init__(self) -> None:
         check_positive(self, "step_s", "close_speed_m_s", "arms")
@@ -71,8 +72,8 @@ class CommandSpace:
 
     @property
     def kinds(self) -> int:
-        """How many kinds of commands are told apart: phases, times ways to roll a single hand."""
-        return len(self.phases) * self._rolls
+        """How many kinds of commands are told apart: phases, times ways to roll a single hand; or one."""
+        return 1 if self.one_kind else len(self.phases) * self._rolls
 
     @property
     def _rolls(self) -> int:
@@ -103,7 +104,8 @@ class CommandSpace:
         width = np.asarray(command.width_m) / _WIDTH_M - 1.0
         roll = scaled[_ROLL] if self.arms == 1 else 0.0
         way = 0 if abs(roll) < _SLOW_ROLL else 1 + (roll < 0)
-        parts = (np.clip(scaled, -_MOST, _MOST), width, command.grip, [command.phase * self._rolls + way])
+        kind = 0 if self.one_kind else command.phase * self._rolls + way
+        parts = (np.clip(scaled, -_MOST, _MOST), width, command.grip, [kind])
         return np.concatenate(parts).astype(np.float32)
 
     def decode(self, label: np.ndarray) -> Command:
@@ -225,17 +227,18 @@ def commanding_expert(task: Task, values: Mapping[str, Any]) -> Any:
 
 
 def command_space(
-    robot: RobotConfig, step_s: float, controller: CommandController, phases: Sequence[str]
+    task: Task, controller: CommandController, phases: Sequence[str], one_kind: bool = False
 ) -> CommandSpace:
-    """Return the space of an expert's commands."""
+    """Return the space of a task's commands, of all kinds or of one."""
     body = controller.whole_body
     return CommandSpace(
-        robot=robot,
-        step_s=step_s,
+        robot=task.robot,
+        step_s=task.config.physics.step_s,
         phases=tuple(phases),
         arms=(body.num_joints - TRUNK) // body.arm_joints,
         whole_body=body.config,
         arm_qpos_rad=tuple(controller.arm_qpos_rad.tolist()),
         close_speed_m_s=controller.close_speed_m_s,
         rolls=controller.rolls,
+        one_kind=one_kind,
     )

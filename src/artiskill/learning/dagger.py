@@ -4,7 +4,7 @@ A round adds what policy and expert have met (`learning/rollouts.py`); training 
 What is learned are the expert's commands (`learning/command_learner.py`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from artiskill.config import check_inside, check_positive, check_value
@@ -27,6 +27,8 @@ class DAggerConfig(CommandLearnerConfig):
     expert_rounds: int  # the first ones, in which the expert alone acts
     whole_share: float  # of the later episodes, those in which the policy acts to the end
     takeover_steps: tuple[int, int]  # fewest and most steps of the others after which the expert takes over
+    # the network gives one command, not one for each kind; see `CommandSpace`
+    one_kind: bool = field(default=False, kw_only=True)
 
     def __post_init__(self) -> None:
         check_positive(self, "points", "rounds", "expert_rounds")

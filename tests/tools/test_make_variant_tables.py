@@ -1,0 +1,97 @@
+"""Queue and tables of variants, with commands that write what real ones would."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+import make_variant_tables as script
+from artiskill.assets.catalog import resolve_objects
+from artiskill.cli.parser import overrides_of
+from artiskill.learning.train_config import load_train_config
+from make_variant_tables import ABLATIONS, BEGIN, COUNTS, END, TASK, Variant, evaluate_command, train_command
+
+
+@pytest.fixture
+def commands(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """Commands that were called; each leaves what the real one would, half of the episodes being solved."""
+    called: list[list[str]] = []
+
+    def call(command: list[str], environment: object) -> bool:
+        called.append(command)
+        folder = Path(command[command.index("--out") + 1])
+        folder.mkdir(parents=True)
+        if command[0] == "evaluate":
+            objects = [
+                {"object": name, "episodes": 4, "successes": k} for k, name in enumerate(("a", "b", "c", "d"))
+            ]
+            (folder / "report.json").write_text(json.dumps({"objects": objects, "timing": {"seconds": 1.0}}))
+        return "network.input.frames=[tool]" not in command
+
+    monkeypatch.setattr(script, "call", call)
+    return called
+
+
+def run(folder: Path, *options: str) -> int:
+    page = folder / "page.md"
+    if not page.exists():
+        page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
+    return script.main(["--work", str(folder / "work"), "--page", str(page), "--jobs", "1", *options])
+
+
+def test_what_is_finished_stays_and_what_fails_is_not_measured(tmp_path: Path, commands: list[list[str]]) -> None:
+    options = ("--counts", "25", "--ablations", "1", "4")
+    assert run(tmp_path, *options) == 1
+    assert [command[0] for command in commands] == ["train", *["evaluate"] * 3, "train", "evaluate", "train"]
+    rows = (tmp_path / "page.md").read_text().splitlines()
+    assert (rows[0], rows[-1]) == ("before", "after")
+    cells = {row.split(" | ")[0].strip("| "): row.split(" | ")[1:] for row in rows if row.startswith("| ")}
+    assert all(cell.startswith("37.5% (") for cell in cells["25"])
+    assert cells["100"][0] == "missing"
+    assert cells["the expert alone acts: behaviour cloning"][0].startswith("37.5% (")
+    assert cells["points in the hand's frame alone"][0].strip(" |") == "missing"
+    table = (tmp_path / "data" / "variants.csv").read_text().splitlines()
+    assert "counts,25,0,ood,d,4,3" in table
+    assert len(table) == 1 + 4 * 4
+
+    commands.clear()
+    shutil.rmtree(tmp_path / "work")  # the CSV file knows
+    assert run(tmp_path, "--counts", "25", "--ablations", "1") == 0
+    assert commands == []
+    assert (tmp_path / "data" / "variants.csv").read_text().splitlines() == table
+
+
+@pytest.mark.parametrize("name", ABLATIONS)
+def test_an_ablation_changes_one_thing(name: str) -> None:
+    pytest.importorskip("torch")
+    command = train_command(Variant("ablations", name, 0), Path("w"))
+    values = command[command.index("--set") + 1 : command.index("--seed")] if "--set" in command else []
+    network = command[command.index("--network") + 1] if "--network" in command else None
+    changed = load_train_config("dagger", TASK, network, overrides_of(values))
+    assert (changed == load_train_config("dagger", TASK)) == (name == script.AS_IT_IS or "--points" in command)
+
+
+def test_commands() -> None:
+    few = Variant("counts", "25", 3)
+    assert " ".join(train_command(few, Path("w"))) == (
+        "train dagger --task OpenCabinetDrawer --out w/counts/25/seed-3/run --objects generated:cabinet:0..37 "
+        "--seed 3 --threads 1 --workers 1"
+    )
+    assert "--objects generated:cabinet:4000000..4000059 --episodes 4" in " ".join(
+        evaluate_command(few, "generated", Path("w"))
+    )
+    assert "--protocol artiskill-1/OpenCabinetDrawer/ood/joint/pointcloud" in " ".join(
+        evaluate_command(few, "ood", Path("w"))
+    )
+
+
+def test_so_many_cabinets_have_a_drawer() -> None:
+    found = resolve_objects([f"generated:cabinet:0..{COUNTS[25]}"], task=TASK)
+    assert len(found) == 25
+    assert found[-1] == f"generated-cabinet-{COUNTS[25]}"
+
+
+def test_what_is_not_legal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(tmp_path, "--jobs", "0") == 2
+    assert "--jobs must be at least 1" in capsys.readouterr().err

@@ -1,0 +1,206 @@
+"""Say what makes policies generalise: `python tools/make_variant_tables.py --jobs 2`.
+
+DAgger on drawers, with one thing changed at a time, or with other numbers of training objects and as many samples.
+Each variant is trained, then measured on generated cabinets that no policy trains on, and those of `COUNTS` also
+on `test` and `ood`, by commands of `artiskill` that are printed. Whatever ends it, the same command goes on.
+Variants whose rows are in docs/data/variants.csv are finished, also without the work folder.
+"""
+
+import argparse
+import os
+import sys
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+from artiskill.errors import ArtiSkillError, ConfigError
+from artiskill.gallery.facts import markdown
+from artiskill.jobs.parallel import available_cores
+from learning_tables.markdown import MISSING, range_text, sum_of, write_between
+from learning_tables.results import Measured, read_measured, read_rows, write_rows
+from make_track_tables import PAGE, SPLITS, call
+
+TABLE = Path("data", "variants.csv")  # beside the page
+BEGIN, END = "<!-- made by tools/make_variant_tables.py -->", "<!-- end of the variants -->"
+TASK, NEW = "OpenCabinetDrawer", "generated"
+NEW_OBJECTS, NEW_EPISODES = "generated:cabinet:4000000..4000059", 4  # no policy or checkpoint depends on them
+AS_IT_IS = "as it is"
+ABLATIONS: dict[str, list[str]] = {
+    AS_IT_IS: [],
+    "the expert alone acts: behaviour cloning": ["--set", "algorithm.expert_rounds=20"],
+    "one command, not one for each kind": ["--set", "algorithm.one_kind=true"],
+    "points in the base's frame alone": ["--set", "network.input.frames=[robot]"],
+    "points in the hand's frame alone": ["--set", "network.input.frames=[tool]"],
+    "32 points": ["--points", "32"],
+    "512 points": ["--points", "512"],
+    "half as wide": ["--set", "network.point_layers=[32,64,128]", "network.head=[256,128]"],
+    "the network of `bc`": ["--network", "small"],
+}
+COUNTS = {25: 37, 100: 148, 400: 594, 1600: 2237}  # cabinets with drawers, and the seed of the last, from 0 on
+CSV_HEAD = ["table", "variant", "seed", "measured on", "object", "episodes", "successes"]
+
+
+class Variant(NamedTuple):
+    """One policy of the tables: of an ablation by its name, or of a number of generated objects."""
+
+    table: str  # ablations or counts
+    name: str
+    seed: int
+
+    def folder(self, work: Path) -> Path:
+        """Where it is trained and measured."""
+        number = list(ABLATIONS).index(self.name) if self.table == "ablations" else self.name
+        return work / self.table / f"{number}" / f"seed-{self.seed}"
+
+    @property
+    def measured_on(self) -> tuple[str, ...]:
+        """What success is measured on."""
+        return (NEW,) if self.table == "ablations" else (NEW, *SPLITS)
+
+
+Found = dict[Variant, dict[str, Measured]]
+
+
+def main(arguments: list[str]) -> int:
+    """Train, measure, write; the exit status is 1 if a command failed, 2 if what is asked is not legal."""
+    options = make_parser().parse_args(arguments)
+    wanted = list(wanted_of(options))
+    try:
+        if options.jobs < 1:
+            raise ConfigError(f"--jobs must be at least 1, not {options.jobs}")
+        known = read_all(wanted, options.work, options.page)
+        environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+        with ThreadPoolExecutor(options.jobs) as pool:
+            missing = [one for one in wanted if one not in known]
+            done = [pool.submit(run, one, options.work, environment) for one in missing]
+        write_tables(read_all(wanted, options.work, options.page), options.page)
+    except ArtiSkillError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return int(not all(one.result() for one in done))
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of the script's options."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add = parser.add_argument
+    add("--work", type=Path, default=Path("results/variants"), help="folder (default: %(default)s)")
+    add("--page", type=Path, default=PAGE, help="with the two marks (default: docs/generalization.md)")
+    places = range(len(ABLATIONS))
+    names = "; ".join(f"{place} {name}" for place, name in enumerate(ABLATIONS))
+    of_places = {"type": int, "choices": places, "default": list(places), "metavar": "NUMBER"}
+    add("--ablations", nargs="*", **of_places, help=f"{names} (default: all)")
+    add("--counts", nargs="*", type=int, choices=COUNTS, default=COUNTS, help="(default: all)")
+    add("--seeds", nargs="+", type=int, default=[0], help="(default: 0)")
+    add("--jobs", type=int, default=available_cores(), help="policies at once, a core each (default: all cores)")
+    return parser
+
+
+def wanted_of(options: argparse.Namespace) -> Iterator[Variant]:
+    """Yield the first seed of everything first."""
+    names = list(ABLATIONS)
+    for seed in options.seeds:
+        yield from (Variant("counts", str(count), seed) for count in options.counts)
+        yield from (Variant("ablations", names[place], seed) for place in options.ablations)
+
+
+def run(variant: Variant, work: Path, environment: dict[str, str]) -> bool:
+    """Train and measure a variant, as far as that is missing; return whether all commands succeeded."""
+    folder = variant.folder(work)
+    trained = folder / "trained"  # an empty file: nothing is measured before
+    if not trained.is_file():
+        if not call(train_command(variant, work), environment):
+            return False
+        trained.touch()
+    return all(
+        (folder / name / "report.json").is_file() or call(evaluate_command(variant, name, work), environment)
+        for name in variant.measured_on
+    )
+
+
+def train_command(variant: Variant, work: Path) -> list[str]:
+    """Return the command that trains."""
+    command = ["train", "dagger", "--task", TASK, "--out", str(variant.folder(work) / "run")]
+    if variant.table == "counts":
+        command += ["--objects", f"generated:cabinet:0..{COUNTS[int(variant.name)]}"]
+    else:
+        command += ABLATIONS[variant.name]
+    return [*command, "--seed", str(variant.seed), "--threads", "1", "--workers", "1"]
+
+
+def evaluate_command(variant: Variant, name: str, work: Path) -> list[str]:
+    """Return the command that measures on generated cabinets, or on a split by its protocol."""
+    folder = variant.folder(work)
+    what = ["--protocol", f"artiskill-1/{TASK}/{name}/joint/pointcloud"]
+    if name == NEW:
+        what = ["--objects", NEW_OBJECTS, "--episodes", str(NEW_EPISODES)]
+    return ["evaluate", "--policy", str(folder / "run"), *what, "--out", str(folder / name), "--workers", "1"]
+
+
+def read_all(wanted: Sequence[Variant], work: Path, page: Path) -> Found:
+    """Return what finished variants reached: those of the CSV file, and the wanted ones of the work folder.
+
+    Raises:
+        ConfigError: the file has other columns.
+    """
+    found: Found = {}
+    for row in read_rows(page.parent / TABLE, CSV_HEAD):
+        sides = found.setdefault(Variant(row["table"], row["variant"], int(row["seed"])), {})
+        one = sides.setdefault(row["measured on"], Measured(Counter(), Counter(), 0.0))
+        one.episodes[row["object"]] = int(row["episodes"])
+        one.successes[row["object"]] = int(row["successes"])
+    for variant in wanted:
+        reports = {name: variant.folder(work) / name for name in variant.measured_on}
+        if all((path / "report.json").is_file() for path in reports.values()):
+            found[variant] = {name: read_measured(path) for name, path in reports.items()}
+    return found
+
+
+def write_tables(found: Found, page: Path) -> None:
+    """Write the CSV file and what stands between the marks of the page.
+
+    Raises:
+        ConfigError: the page cannot be read, or lacks the marks.
+    """
+    write_between(page, BEGIN, END, f"{counts_text(found)}\n\n{ablations_text(found)}")
+    order = [*map(str, COUNTS), *ABLATIONS]
+    rows = [
+        [*map(str, variant), side, name, str(one.episodes[name]), str(one.successes[name])]
+        for variant, sides in sorted(found.items(), key=lambda item: (order.index(item[0].name), item[0].seed))
+        for side, one in sides.items()
+        for name in sorted(one.episodes)
+    ]
+    write_rows(page.parent / TABLE, [CSV_HEAD, *rows])
+
+
+def counts_text(found: Found) -> str:
+    """Return the table of numbers of training objects."""
+    rows = []
+    for count in COUNTS:
+        chosen = [sides for variant, sides in found.items() if variant[:2] == ("counts", str(count))]
+        rows.append([f"{count:,}", *(_cell([sides[name] for sides in chosen]) for name in (NEW, *SPLITS))])
+    return markdown(["generated training cabinets", "other generated ones", *SPLITS], rows)
+
+
+def ablations_text(found: Found) -> str:
+    """Return the table of ablations."""
+    rows = []
+    for name in ABLATIONS:
+        chosen = [sides[NEW] for variant, sides in found.items() if variant[:2] == ("ablations", name)]
+        rows.append([name, _cell(chosen)])
+    return markdown(["changed", "other generated cabinets"], rows)
+
+
+def _cell(seeds: Sequence[Measured]) -> str:
+    """Return the rate over the episodes of all seeds, and the interval for unseen objects in general."""
+    if not seeds:
+        return MISSING
+    total = sum_of(seeds)
+    bounds = f" ({range_text(total.objects_interval)})" if total.objects_interval else ""
+    return f"{total.rate:.1%}{bounds}" + (f", {len(seeds)} seeds" if len(seeds) > 1 else "")
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
