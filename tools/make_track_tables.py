@@ -45,7 +45,7 @@ EVEN = ("PushChair", "MoveBucket")  # which plays training objects as often as g
 DOOR = "OpenCabinetDoor"  # whose policies without restrictions train on cabinets on their side, too
 ROLLED = {"train": "0..299", "development": DEVELOPMENT_SEEDS["cabinet"]}  # seeds of these
 PER_OBJECT = 40  # demonstrations of those that learn from them
-POINTS = 128
+POINTS = ("--points", "128", "--method", "shares")
 
 
 class Policy(NamedTuple):
@@ -154,7 +154,7 @@ def data_commands(task: str, work: Path, workers: int) -> list[list[str]]:
     common = ["--workers", str(workers)]
     return [
         ["demos", "collect", "--task", task, "--per-object", str(PER_OBJECT), "--out", demos, *common],
-        ["training-set", demos, "--out", data, "--points", str(POINTS), "--frame", "robot", *common],
+        ["training-set", demos, "--out", data, *POINTS, "--frame", "robot", *common],
     ]
 
 

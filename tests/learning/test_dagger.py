@@ -31,12 +31,13 @@ from artiskill.learning.network_config import load_network_config
 from artiskill.learning.networks import make_network
 from artiskill.learning.observation import ObservationArrays
 from artiskill.learning.policy import RunPolicy, export_policy
-from artiskill.learning.rollouts import ROUNDS, Collector, Rollouts, shared_out
+from artiskill.learning.rollouts import ROUNDS, Collector, Rollouts
 from artiskill.learning.run import INFO, LATEST
 from artiskill.learning.train import RolloutData, train
 from artiskill.learning.train_config import algorithm_config, load_train_config
 from artiskill.robots.config import load_robot
 from artiskill.robots.kinematics import RobotKinematics
+from artiskill.tasks.point_shares import shared_out
 
 TASK = "OpenCabinetDrawer"
 AGENT = {1: 38, 2: 68}
@@ -257,7 +258,7 @@ def test_what_is_refused() -> None:
     with pytest.raises(ConfigError, match="generated_share is for generated objects beside others"):
         RolloutData().open(load_train_config("dagger", TASK, overrides=more), Path("nowhere"))
     config = load_train_config("dagger", TASK, overrides={"algorithm.shares": [1, 1]})
-    with pytest.raises(ConfigError, match="needs 4 numbers"):
+    with pytest.raises(ConfigError, match="need 4 numbers"):
         RolloutData().open(config, Path("nowhere"))
 
 

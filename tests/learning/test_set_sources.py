@@ -14,6 +14,7 @@ from artiskill.errors import ArtiSkillError, ConfigError, DemoError
 from artiskill.learning.building import build_training_set
 from artiskill.learning.set_sources import SetOptions, Thinner, choose_first_drawn, find_source
 from artiskill.sensors.observations.sampling import ManiskillSampler, downsample, make_sampler
+from artiskill.tasks.registry import make_task
 
 from .training_files import settings, write_files
 
@@ -67,6 +68,24 @@ def test_number_of_points_without_one_given(tmp_path: Path) -> None:
     found = find_source(files, SetOptions())
     assert (found.num_points, found.options.num_points) == (4, 4)
     assert find_source(CHAIRS, SetOptions()).settings.sampling == make_sampling(256, "maniskill", "world")
+
+
+def test_points_by_the_shares_of_the_task() -> None:
+    sampling = find_source(CHAIRS, SetOptions(num_points=30, method="shares", frame="robot")).settings.sampling
+    assert sampling == Sampling(30, "shares", "robot", {"shares": [0, 30]})
+    doors = make_sampling(16, "shares", task=make_task("OpenCabinetDoor"))
+    assert doors == Sampling(16, "shares", "world", {"shares": [4, 10, 0, 2]})
+
+
+def test_fewer_points_by_shares() -> None:
+    """6, 4 and 2 points of two masks and of none, in that order; half of each is left, or what was seen."""
+    thinner = Thinner(Sampling(12, "shares", settings={"shares": [6, 4, 2]}), 6)
+    assert thinner.sampling == Sampling(6, "shares", settings={"shares": [3, 2, 1]})
+    for masked in ([1] * 6 + [2] * 4 + [0] * 2, [1] * 2 + [2] * 4 + [0] * 2):
+        codes = np.array(masked, np.uint8) + np.uint8(REAL)
+        seg = thin(thinner, cloud_of(codes))["seg"]
+        counts = [int(seg[:, 0].sum()), int(seg[:, 1].sum())]
+        assert counts == [min(3, masked.count(1)), 2]
 
 
 def test_training_files_of_another_mode(tmp_path: Path) -> None:

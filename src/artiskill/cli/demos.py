@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from artiskill.assets.articulated_object import ArticulatedObject
     from artiskill.demos.demos import Demos, FileEntry, Manifest
     from artiskill.demos.plan import CollectionPlan
-    from artiskill.demos.settings import Agent
+    from artiskill.demos.settings import Agent, Settings
     from artiskill.demos.training_file import ReplaySettings, Sampling
     from artiskill.jobs.ray_jobs import RayCluster
 
@@ -248,7 +248,7 @@ def _add_replay(commands: Any) -> None:
     add("--out", type=Path, required=True, metavar="FOLDER", help="folder of the training files")
     add("--obs-mode", required=True, help="state, pointcloud or rgbd")
     add("--points", help="number of points, or `all` (default: 1200)")
-    add("--method", help="how points are chosen: maniskill, uniform, voxel or fps (default: maniskill)")
+    add("--method", help="how points are chosen: maniskill, shares, uniform, voxel or fps (default: maniskill)")
     add("--frame", help="frame of the points: world, robot or end_effector (default: world)")
     add("--control-mode", help="joint or operational_space (default: the demonstrations')")
     way = parser.add_mutually_exclusive_group()
@@ -316,7 +316,7 @@ def replay_settings(arguments: argparse.Namespace, demos: "Demos", seen: dict[st
         obs_mode=arguments.obs_mode,
         control_mode=arguments.control_mode or source.control_mode,
         way=arguments.way,
-        sampling=_sampling(arguments),
+        sampling=_sampling(arguments, source),
         seen=seen,
         count=arguments.count,
         keep_failures=arguments.keep_failures,
@@ -325,7 +325,7 @@ def replay_settings(arguments: argparse.Namespace, demos: "Demos", seen: dict[st
     )
 
 
-def _sampling(arguments: argparse.Namespace) -> "Sampling | None":
+def _sampling(arguments: argparse.Namespace, source: "Settings") -> "Sampling | None":
     from artiskill.demos.training_file import make_sampling
 
     if arguments.obs_mode != "pointcloud":
@@ -338,7 +338,8 @@ def _sampling(arguments: argparse.Namespace) -> "Sampling | None":
         number = None if points == "all" else int(points)
     except ValueError as error:
         raise UsageError(f"--points is a number or `all`, not {points!r}") from error
-    return make_sampling(number, arguments.method or "maniskill", arguments.frame or "world")
+    method, frame = arguments.method or "maniskill", arguments.frame or "world"
+    return make_sampling(number, method, frame, task=source.make_task())
 
 
 def _wanted(entry: "FileEntry", settings: "ReplaySettings") -> int:

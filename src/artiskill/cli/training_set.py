@@ -32,7 +32,7 @@ def add_commands(commands: Any) -> None:
     add("--objects", nargs="+", metavar="OBJECT", help="ids of objects (default: all)")
     add("--count", type=int, help="number of successes per object, evenly of its targets (default: all)")
     replaying = "of demonstrations, which are replayed"
-    add("--method", help=f"how points are chosen, {replaying}: maniskill, uniform, voxel or fps")
+    add("--method", help=f"how points are chosen, {replaying}: maniskill, shares, uniform, voxel or fps")
     add("--frame", help=f"frame of the points, {replaying}: world, robot or end_effector")
     add("--control-mode", help=f"joint or operational_space, {replaying}")
     add_stored_task(parser)

@@ -31,26 +31,44 @@ from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ArtiSkillError, ConfigError, DemoError, UnknownNameError, check_name, shown
 from artiskill.files import parse_json
 from artiskill.tasks.levels import check_level
+from artiskill.tasks.point_shares import check_shares, point_shares, shared_out
 from artiskill.tasks.registry import SEEN_SECTIONS, make_task
 from artiskill.tasks.task import Task
 
 SIMULATE, RESTORE = "simulate", "restore"
+SHARES = "shares"  # a method of choosing points
 WAYS: tuple[str, ...] = (SIMULATE, RESTORE)
 _SEEN = tuple(f"{section}." for section in SEEN_SECTIONS)
 _MOST_NAMED = 3  # differences
 
 
 def make_sampling(
-    points: int | None, method: str = "maniskill", frame: str = "world", settings: Mapping[str, Any] | None = None
+    points: int | None,
+    method: str = "maniskill",
+    frame: str = "world",
+    settings: Mapping[str, Any] | None = None,
+    task: Task | None = None,
 ) -> Sampling | None:
     """Return the sampling of so many points; None for the full cloud, which is in the world's frame.
+
+    Args:
+        points: in all.
+        method: see `PointCloudDownsample`.
+        frame: of the points.
+        settings: of the method.
+        task: whose points are shared out as `point_shares` says, where the method is `shares` and has no settings.
 
     Raises:
         UnknownNameError: no such method or frame.
         ConfigError: an illegal number or setting, or a method or frame for the full cloud.
     """
     if points is not None:
-        return Sampling(points, method, frame, dict(settings or {}))
+        values = dict(settings or {})
+        if method == SHARES and task is not None and not values:
+            shares = point_shares(task.name, task.category)
+            check_shares(shares, task.mask_names, task.name)
+            values = {"shares": shared_out(points, shares)}
+        return Sampling(points, method, frame, values)
     check(method == "maniskill", f"the full cloud has every point; method {method!r} is for fewer points")
     check(frame == "world", f"the full cloud is in the world's frame; {frame!r} is for fewer points")
     return None

@@ -46,6 +46,7 @@ from artiskill.learning.train_config import (
     read_train_config,
 )
 from artiskill.learning.trainer import Trainer
+from artiskill.tasks.point_shares import check_shares, shared_out
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Task, robot_fields
 
@@ -92,12 +93,7 @@ class Rollouts:
         self.config, self.folder, self.workers, self.on_note = config, folder, workers, on_note
         self.values: DAggerConfig = algorithm_config(config)
         self.task = make_task(config.task)
-        masks = len(self.task.mask_names)
-        if len(self.values.shares) != masks + 1:
-            raise ConfigError(
-                f"algorithm.shares needs {masks + 1} numbers for {config.task}, one for each of the masks "
-                f"{', '.join(self.task.mask_names)}, and one for the others, not {list(self.values.shares)}"
-            )
+        check_shares(self.values.shares, self.task.mask_names, config.task)
         found = resolve_objects(list(self.values.objects), task=config.task)
         check_not_measured(found)
         self.objects = [object_id_of(item) for item in found]
@@ -441,10 +437,3 @@ class Collector:
         except DivergedError:
             return np.zeros(len(actions), dtype=bool), np.ones(len(actions), dtype=bool)
         return solved, solved | out_of_time
-
-
-def shared_out(points: int, shares: tuple[int, ...]) -> list[int]:
-    """Return how many of the points each share is; what is left over goes to the largest."""
-    found = [points * share // sum(shares) for share in shares]
-    found[shares.index(max(shares))] += points - sum(found)
-    return found

@@ -18,13 +18,27 @@ from artiskill.demos.demos import MANIFEST, Demos
 from artiskill.demos.file_format import DEMONSTRATIONS, TRAINING
 from artiskill.demos.replay import ReplayRun, replay, select
 from artiskill.demos.settings import plain
-from artiskill.demos.training_file import SIMULATE, ReplaySettings, Sampling, TrainingFiles, make_sampling
+from artiskill.demos.training_file import (
+    SHARES,
+    SIMULATE,
+    ReplaySettings,
+    Sampling,
+    TrainingFiles,
+    make_sampling,
+)
 from artiskill.errors import DemoError, check_name, shown
 from artiskill.files import parse_json, read_bytes
 from artiskill.learning.observation import REAL
 from artiskill.learning.training_set import read_set_manifest
-from artiskill.sensors.observations.sampling import ManiskillSampler, Sampler, downsample, make_sampler
+from artiskill.sensors.observations.sampling import (
+    ManiskillSampler,
+    Sampler,
+    ShareSampler,
+    downsample,
+    make_sampler,
+)
 from artiskill.tasks.levels import RngStream, level_generator
+from artiskill.tasks.point_shares import shared_out
 from artiskill.versions import versions
 
 _MOST_NAMED = 3  # differences
@@ -141,7 +155,9 @@ def _source_of_demos(folder: Path, options: SetOptions) -> SetSource:
         obs_mode="pointcloud",
         control_mode=options.control_mode or source.control_mode,
         way=SIMULATE,
-        sampling=make_sampling(num_points, options.method or "maniskill", options.frame or "world"),
+        sampling=make_sampling(
+            num_points, options.method or "maniskill", options.frame or "world", task=source.make_task()
+        ),
         seen={},
         count=options.count,
         keep_failures=False,
@@ -193,6 +209,8 @@ def thinned_sampling(sampling: Sampling | None, num_points: int) -> Sampling:
     settings = {
         name: value * num_points // had if name in _SHARES else value for name, value in sampling.settings.items()
     }
+    if sampling.method == SHARES:
+        settings["shares"] = shared_out(num_points, sampling.settings.get("shares", (1,)))
     return Sampling(num_points, sampling.method, sampling.frame, settings)
 
 
@@ -249,6 +267,8 @@ class Thinner:
 
     def _choose(self, codes: np.ndarray, level: int, step: int) -> np.ndarray:
         had, wanted = self._had, self._sampler
+        if isinstance(wanted, ShareSampler):  # of a sample that has so many of each mask, or all that were seen
+            return wanted.choose(codes, _no_positions, level_generator(level, RngStream.POINTS, step))
         if not (isinstance(had, ManiskillSampler) and isinstance(wanted, ManiskillSampler)):
             return np.flatnonzero(codes)[: wanted.num_points]
         if np.count_nonzero(codes > REAL) < had.masked_points:  # every masked point that was seen is there

@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
-from artiskill.assets.articulated_object import ArticulatedObject
+from artiskill.assets.articulated_object import ArticulatedObject, Category
 from artiskill.assets.catalog import checked_hash, object_id_of, read_catalog, resolve_objects
 from artiskill.assets.names import is_path, is_split_file, parse_generated, partnet_id
 from artiskill.config import (
@@ -31,6 +31,7 @@ from artiskill.errors import ConfigError, RunError, check_name
 from artiskill.learning.network_config import KINEMATIC, NETWORKS, NetworkConfig, load_network_config
 from artiskill.learning.run import CONFIG, FROM_STATE
 from artiskill.tasks.levels import check_level
+from artiskill.tasks.point_shares import point_shares
 from artiskill.tasks.registry import task_spec
 
 # name -> module:class; the class has `Config`, see `artiskill.learning.algorithm`
@@ -49,13 +50,6 @@ _FOLDER = CONFIG_DIR / "learning"
 _SHARED = "train.yaml"
 # seeds of generated objects, far from those that people train on; of these cabinets 10 have drawers and 17 doors
 DEVELOPMENT_SEEDS = {"cabinet": "1000000..1000023", "chair": "1000000..1000011", "bucket": "1000000..1000011"}
-# how DAgger shares points out among a task's masks and the points in none, by task, else by category
-_SHARES: Mapping[str, tuple[int, ...]] = {
-    "OpenCabinetDoor": (2, 5, 0, 1),
-    "cabinet": (4, 3, 0, 1),
-    "chair": (0, 1),
-    "bucket": (0, 1),
-}
 _MOST_STEPS = 10**9
 _MOST_NAMED = 5  # differences
 ROLLOUT_SEEDS = {"cabinet": "0..599", "chair": "0..199", "bucket": "0..199"}
@@ -255,14 +249,14 @@ def kinds_of(objects: Sequence[str]) -> tuple[list[str], list[str]]:
     return kinds
 
 
-def _fill_rollouts(algorithm: dict[str, Any], task: str, category: str) -> None:
+def _fill_rollouts(algorithm: dict[str, Any], task: str, category: Category) -> None:
     """Fill in what depends on the task: objects, expert, shares of points."""
     if algorithm["objects"] is None:
         algorithm["objects"] = ("train", f"generated:{category}:{ROLLOUT_SEEDS[category]}")
     if algorithm["expert"] is None:
         algorithm["expert"] = dict(_TEACHING.get(category, {}))
     if algorithm["shares"] is None:
-        algorithm["shares"] = _SHARES.get(task, _SHARES[category])
+        algorithm["shares"] = point_shares(task, category)
 
 
 def _refusal(reason: str) -> str:
