@@ -10,17 +10,18 @@ import pytest
 torch = pytest.importorskip("torch")
 
 import gymnasium as gym
-from tests.learning.tiny_set import SIZES, tiny_config, write_tiny_set
+from tests.learning.tiny_set import SIZES, TASK, tiny_config, write_tiny_set
 
 import artiskill  # noqa: F401 - registers the environments
 from artiskill.errors import ConfigError
 from artiskill.experts.registry import make_expert
 from artiskill.learning.array_policy import ArrayPolicy
-from artiskill.learning.command_bc import demonstrated_space
+from artiskill.learning.command_bc import DemonstratedCommands, demonstrated_space
 from artiskill.learning.commands import ActionReader, CommandActor
 from artiskill.learning.policy import RunPolicy, export_policy
 from artiskill.learning.run import LATEST
 from artiskill.learning.train import TrainData, train
+from artiskill.learning.training_set import TrainingSet
 
 ALL_VARIATIONS = {"stretch": 0.1, "jitter_m": 0.002, "drop": 0.2, "unmask": 0.1}
 
@@ -103,3 +104,35 @@ def test_a_run_acts_with_and_without_torch(data: Path, tmp_path: Path) -> None:
     actions = [policy.act(seen) for policy in (RunPolicy(folder), ArrayPolicy(tmp_path / "policy.npz"))]
     assert actions[0].shape == (SIZES.action,)
     np.testing.assert_allclose(*actions, atol=1e-4)
+
+
+def test_a_motion_may_be_the_mean_of_the_steps_that_follow(data: Path) -> None:
+    """As of the labels of single steps, by hand; in another order, as each is computed when it is asked for."""
+    held = TrainingSet(data)
+    space = demonstrated_space(TASK, "joint", {})
+    held.steps = np.array(held.steps)  # a copy, in which some are disturbed
+    held.steps["disturbed"][[1, 5, 6, 20, 47]] = True
+    steps, m = held.steps, space.motion_size
+    told = np.flatnonzero(~steps["disturbed"])
+    single = dict(zip(told.tolist(), DemonstratedCommands(held, space, 1).labels(told), strict=True))
+    mixed = np.random.default_rng(0).permutation(told)
+    found = dict(zip(mixed.tolist(), DemonstratedCommands(held, space, 3).labels(mixed), strict=True))
+    for row in told.tolist():
+        same = [
+            k for k in range(row, row + 3) if k in single and steps["trajectory"][k] == steps["trajectory"][row]
+        ]
+        np.testing.assert_allclose(found[row][:m], np.mean([single[k][:m] for k in same], axis=0), atol=1e-6)
+        np.testing.assert_array_equal(found[row][m:], single[row][m:])
+
+
+def test_steps_ahead_change_what_is_learned_and_go_on(data: Path, tmp_path: Path) -> None:
+    whole = run(tmp_path / "whole", data, 20, algorithm__ahead_steps=4)
+    parts = run(run(tmp_path / "parts", data, 10, algorithm__ahead_steps=4), data, 20, algorithm__ahead_steps=4)
+    plain = run(tmp_path / "plain", data, 20)
+    one, other, usual = (
+        torch.load(path / LATEST, weights_only=False)["weights"] for path in (whole, parts, plain)
+    )
+    assert all(torch.equal(weight, other[name]) for name, weight in one.items())
+    assert not all(torch.equal(weight, usual[name]) for name, weight in one.items())
+    with pytest.raises(ConfigError, match="ahead_steps"):
+        tiny_config("command_bc", algorithm__ahead_steps=0)

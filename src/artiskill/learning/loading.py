@@ -133,6 +133,10 @@ class BatchLoader:
         """End the threads."""
         self.close()
 
+    def rows(self, number: int) -> np.ndarray:
+        """Return which steps of the set the batch with a number holds, for this process: (B,) indices."""
+        return self._sampler.draw(number, self._size)[self._rank :: self._ranks]
+
     def close(self) -> None:
         """End the threads; what they have read is lost."""
         self._pool.shutdown(wait=True, cancel_futures=True)
@@ -140,8 +144,7 @@ class BatchLoader:
 
     def _read(self, number: int) -> Batch | _Records:
         """Return a batch, in a reader: by NumPy, as torch's own threads would be more than there are cores."""
-        rows = self._sampler.draw(number, self._size)[self._rank :: self._ranks]
-        steps = self._set.steps[rows]
+        steps = self._set.steps[self.rows(number)]
         records = self._set.read(steps["frame"], int(self._needs_next))
         values = {name: steps[name] for name in ("action", "reward", "terminated")}
         values["weight"] = ~steps["disturbed"]

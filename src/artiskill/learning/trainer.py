@@ -351,7 +351,7 @@ class SetSource:
             return loader
         from artiskill.learning.command_bc import CommandBatches  # it needs the engine's kernels
 
-        return CommandBatches(loader, trainer)
+        return CommandBatches(loader, self._set, trainer)
 
     def info(self, config: TrainConfig, versions: dict[str, str]) -> RunInfo:
         """Return what a new run says of itself."""
