@@ -37,11 +37,11 @@ TRAIN, EVALUATE = STAGES = ("train", "evaluate")
 TRACKS = {
     "no-restrictions": ("dagger",),
     "interactive-expert": ("dagger", "--objects", "train"),
-    "no-interactions": ("command_bc", "--dev-objects", "none"),
+    "no-interactions": ("command_bc", "--dev-objects", "none", "--steps", "12000"),
 }
 CSV_HEAD = ["track", "task", "seed", "split", "object", "episodes", "successes"]
 SAMPLES = ("OpenCabinetDoor", "PushChair", "MoveBucket")  # whose DAgger takes twice the default
-EVEN = ("PushChair", "MoveBucket")  # which plays training objects as often as generated ones
+TWO_ARMS = ("PushChair", "MoveBucket")  # DAgger plays training objects as often as generated ones
 DOOR = "OpenCabinetDoor"  # whose policies without restrictions train on cabinets on their side, too
 ROLLED = {"train": "0..299", "development": DEVELOPMENT_SEEDS["cabinet"]}  # seeds of these
 PER_OBJECT = 40  # demonstrations of those that learn from them
@@ -178,9 +178,10 @@ def train_command(policy: Policy, work: Path) -> list[str]:
     command = ["train", name, "--task", policy.task, "--out", str(policy.folder(work) / "run"), *values]
     if policy.track == "no-interactions":
         command += ["--data", str(work / "sets" / policy.task)]
+        command += ["--set", "algorithm.augmentation.mirror=0.5"] if policy.task in TWO_ARMS else []
     elif policy.task in SAMPLES:
         command += ["--samples", "192000"]
-    if policy.track == "no-restrictions" and policy.task in EVEN:
+    if policy.track == "no-restrictions" and policy.task in TWO_ARMS:
         command += ["--set", "algorithm.generated_share=0.5"]
     if policy.track == "no-restrictions" and policy.task == DOOR:
         command += rolled_options(work)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import make_track_tables as script
-from make_track_tables import BEGIN, END, Policy, evaluate_command, train_command
+from make_track_tables import BEGIN, END, Policy, data_commands, evaluate_command, train_command
 
 WORDS = f"before\n{BEGIN}\nold\n{END}\nafter\n"
 
@@ -105,7 +105,14 @@ def test_commands_of_the_tracks() -> None:
     ) in door
     assert "rolled" not in " ".join(train_command(Policy("interactive-expert", "OpenCabinetDoor", 0), work))
     imitator = Policy("no-interactions", "PushChair", 0)
-    assert "--data w/sets/PushChair" in " ".join(train_command(imitator, work))
+    assert " ".join(train_command(imitator, work)) == (
+        "train command_bc --task PushChair --out w/no-interactions/PushChair/seed-0/run --dev-objects none "
+        "--steps 12000 --data w/sets/PushChair --set algorithm.augmentation.mirror=0.5 --seed 0 --threads 1 "
+        "--workers 1"
+    )
+    assert "mirror" not in " ".join(train_command(imitator._replace(task="OpenCabinetDoor"), work))
+    _, make_set = data_commands("PushChair", work, 2)
+    assert "--points 128 --method shares --frame robot" in " ".join(make_set)
     assert " ".join(evaluate_command(student, "ood", work)) == (
         "evaluate --policy w/interactive-expert/PushChair/seed-2/run --protocol "
         "artiskill-1/PushChair/ood/joint/pointcloud --track interactive-expert "
