@@ -18,7 +18,7 @@ from typing import NamedTuple
 from artiskill.errors import ArtiSkillError, ConfigError
 from artiskill.gallery.facts import markdown
 from artiskill.jobs.parallel import available_cores
-from learning_tables.markdown import MISSING, range_text, sum_of, write_between
+from learning_tables.markdown import range_text, sum_of, write_between
 from learning_tables.results import Measured, read_measured, read_rows, write_rows
 from make_track_tables import PAGE, SPLITS, call
 
@@ -164,7 +164,9 @@ def write_tables(found: Found, page: Path) -> None:
     Raises:
         ConfigError: the page cannot be read, or lacks the marks.
     """
-    write_between(page, BEGIN, END, f"{counts_text(found)}\n\n{ablations_text(found)}")
+    texts = {"counts": counts_text, "ablations": ablations_text}
+    tables = [text for table, text in texts.items() if any(variant.table == table for variant in found)]
+    write_between(page, BEGIN, END, "\n\n".join(text(found) for text in tables) or "Nothing is measured yet.")
     order = [*map(str, COUNTS), *ABLATIONS]
     rows = [
         [*map(str, variant), side, name, str(one.episodes[name]), str(one.successes[name])]
@@ -180,7 +182,8 @@ def counts_text(found: Found) -> str:
     rows = []
     for count in COUNTS:
         chosen = [sides for variant, sides in found.items() if variant[:2] == ("counts", str(count))]
-        rows.append([f"{count:,}", *(_cell([sides[name] for sides in chosen]) for name in (NEW, *SPLITS))])
+        if chosen:
+            rows.append([f"{count:,}", *(_cell([sides[name] for sides in chosen]) for name in (NEW, *SPLITS))])
     return markdown(["generated training cabinets", "other generated ones", *SPLITS], rows)
 
 
@@ -189,14 +192,13 @@ def ablations_text(found: Found) -> str:
     rows = []
     for name in ABLATIONS:
         chosen = [sides[NEW] for variant, sides in found.items() if variant[:2] == ("ablations", name)]
-        rows.append([name, _cell(chosen)])
+        if chosen:
+            rows.append([name, _cell(chosen)])
     return markdown(["changed", "other generated cabinets"], rows)
 
 
 def _cell(seeds: Sequence[Measured]) -> str:
     """Return the rate over the episodes of all seeds, and the interval for unseen objects in general."""
-    if not seeds:
-        return MISSING
     total = sum_of(seeds)
     bounds = f" ({range_text(total.objects_interval)})" if total.objects_interval else ""
     return f"{total.rate:.1%}{bounds}" + (f", {len(seeds)} seeds" if len(seeds) > 1 else "")

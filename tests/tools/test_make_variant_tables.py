@@ -48,9 +48,8 @@ def test_what_is_finished_stays_and_what_fails_is_not_measured(tmp_path: Path, c
     assert (rows[0], rows[-1]) == ("before", "after")
     cells = {row.split(" | ")[0].strip("| "): row.split(" | ")[1:] for row in rows if row.startswith("| ")}
     assert all(cell.startswith("37.5% (") for cell in cells["25"])
-    assert cells["100"][0] == "missing"
     assert cells["the expert alone acts: behaviour cloning"][0].startswith("37.5% (")
-    assert cells["points in the hand's frame alone"][0].strip(" |") == "missing"
+    assert not {"100", "points in the hand's frame alone"} & set(cells)
     table = (tmp_path / "data" / "variants.csv").read_text().splitlines()
     assert "counts,25,0,ood,d,4,3" in table
     assert len(table) == 1 + 4 * 4
