@@ -19,11 +19,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from artiskill.config import check
 from artiskill.errors import ArtiSkillError, ConfigError
 from artiskill.gallery.facts import markdown
 from artiskill.jobs.parallel import available_cores
 from artiskill.learning.train_config import DEVELOPMENT_SEEDS, ROLLOUT_SEEDS
-from artiskill.learning.training_set import is_training_set
+from artiskill.learning.training_set import is_training_set, read_set_manifest
 from learning_tables.cells import TASKS
 from learning_tables.markdown import range_text, sum_of, write_between
 from learning_tables.results import Measured, read_measured, read_rows, write_rows
@@ -45,7 +46,7 @@ TWO_ARMS = ("PushChair", "MoveBucket")  # DAgger plays training objects as often
 DOOR = "OpenCabinetDoor"  # whose policies without restrictions train on cabinets on their side, too
 ROLLED = {"train": "0..299", "development": DEVELOPMENT_SEEDS["cabinet"]}  # seeds of these
 PER_OBJECT = 40  # demonstrations of those that learn from them
-POINTS = ("--points", "128", "--method", "shares")
+POINTS, FRAME = ("--points", "128", "--method", "shares"), "robot"
 
 
 class Policy(NamedTuple):
@@ -147,14 +148,22 @@ def call(command: list[str], environment: "os._Environ[str] | dict[str, str]") -
 
 
 def data_commands(task: str, work: Path, workers: int) -> list[list[str]]:
-    """Return the commands that make a task's training set; both end at once where it is there."""
+    """Return the commands that make a task's training set; none where it is there.
+
+    Raises:
+        ConfigError: it is there, and was made in another way.
+    """
     demos, data = str(work / "demos" / task), str(work / "sets" / task)
     if is_training_set(Path(data)):
+        options = read_set_manifest(Path(data)).options
+        found = [text for name in ("num_points", "method", "frame") for text in (f"--{name}", str(options[name]))]
+        wanted = ["--num_points", POINTS[1], "--method", POINTS[3], "--frame", FRAME]
+        check(found == wanted, f"{data!r} was made with {' '.join(found)}, not {' '.join(wanted)}: remove it")
         return []
     common = ["--workers", str(workers)]
     return [
         ["demos", "collect", "--task", task, "--per-object", str(PER_OBJECT), "--out", demos, *common],
-        ["training-set", demos, "--out", data, *POINTS, "--frame", "robot", *common],
+        ["training-set", demos, "--out", data, *POINTS, "--frame", FRAME, *common],
     ]
 
 

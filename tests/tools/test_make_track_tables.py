@@ -3,10 +3,12 @@
 import json
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import make_track_tables as script
+from artiskill.errors import ConfigError
 from make_track_tables import BEGIN, END, Policy, data_commands, evaluate_command, train_command
 
 WORDS = f"before\n{BEGIN}\nold\n{END}\nafter\n"
@@ -118,6 +120,16 @@ def test_commands_of_the_tracks() -> None:
         "artiskill-1/PushChair/ood/joint/pointcloud --track interactive-expert "
         "--out w/interactive-expert/PushChair/seed-2/ood --workers 1"
     )
+
+
+def test_a_set_that_was_made_in_another_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    options = {"num_points": 128, "method": "shares", "frame": "robot"}
+    monkeypatch.setattr(script, "is_training_set", lambda folder: True)
+    monkeypatch.setattr(script, "read_set_manifest", lambda folder: SimpleNamespace(options=options))
+    assert data_commands("PushChair", tmp_path, 2) == []
+    options["method"] = "maniskill"
+    with pytest.raises(ConfigError, match="--method maniskill --frame robot, not .*: remove it"):
+        data_commands("PushChair", tmp_path, 2)
 
 
 def test_a_page_without_marks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -41,7 +41,7 @@ def run(folder: Path, *options: str) -> int:
 
 
 def test_what_is_finished_stays_and_what_fails_is_not_measured(tmp_path: Path, commands: list[list[str]]) -> None:
-    options = ("--counts", "25", "--ablations", "1", "4")
+    options = ("--counts", "25", "--ablations", "no-dagger", "hand-frame")
     assert run(tmp_path, *options) == 1
     assert [command[0] for command in commands] == ["train", *["evaluate"] * 3, "train", "evaluate", "train"]
     rows = (tmp_path / "page.md").read_text().splitlines()
@@ -56,9 +56,22 @@ def test_what_is_finished_stays_and_what_fails_is_not_measured(tmp_path: Path, c
 
     commands.clear()
     shutil.rmtree(tmp_path / "work")  # the CSV file knows
-    assert run(tmp_path, "--counts", "25", "--ablations", "1") == 0
+    assert run(tmp_path, "--counts", "25", "--ablations", "no-dagger") == 0
     assert commands == []
     assert (tmp_path / "data" / "variants.csv").read_text().splitlines() == table
+
+
+def test_rows_that_say_nothing_are_left_out(tmp_path: Path, commands: list[list[str]]) -> None:
+    """Of a variant that is no more, and of one that was not measured on everything."""
+    (tmp_path / "data").mkdir()
+    rows = [
+        "ablations,gone,0,generated,a,4,1",
+        "counts,25,0,generated,a,4,1",
+        "ablations,one-kind,0,generated,a,4,1",
+    ]
+    (tmp_path / "data" / "variants.csv").write_text("\n".join([",".join(script.CSV_HEAD), *rows, ""]))
+    assert run(tmp_path, "--counts", "--ablations") == 0
+    assert (tmp_path / "data" / "variants.csv").read_text().splitlines()[1:] == rows[2:]
 
 
 @pytest.mark.parametrize("name", ABLATIONS)
@@ -68,7 +81,7 @@ def test_an_ablation_changes_one_thing(name: str) -> None:
     values = command[command.index("--set") + 1 : command.index("--seed")] if "--set" in command else []
     network = command[command.index("--network") + 1] if "--network" in command else None
     changed = load_train_config("dagger", TASK, network, overrides_of(values))
-    assert (changed == load_train_config("dagger", TASK)) == (name == script.AS_IT_IS or "--points" in command)
+    assert (changed == load_train_config("dagger", TASK)) == (name == "as-it-is" or "--points" in command)
 
 
 def test_commands() -> None:
@@ -77,7 +90,7 @@ def test_commands() -> None:
         "train dagger --task OpenCabinetDrawer --out w/counts/25/seed-3/run --objects generated:cabinet:0..37 "
         "--seed 3 --threads 1 --workers 1"
     )
-    assert "--objects generated:cabinet:4000000..4000059 --episodes 4" in " ".join(
+    assert "--objects generated:cabinet:7000000..7000059 --episodes 4" in " ".join(
         evaluate_command(few, "generated", Path("w"))
     )
     assert "--protocol artiskill-1/OpenCabinetDrawer/ood/joint/pointcloud" in " ".join(

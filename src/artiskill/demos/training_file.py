@@ -31,7 +31,7 @@ from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ArtiSkillError, ConfigError, DemoError, UnknownNameError, check_name, shown
 from artiskill.files import parse_json
 from artiskill.tasks.levels import check_level
-from artiskill.tasks.point_shares import check_shares, point_shares, shared_out
+from artiskill.tasks.point_shares import point_shares, shared_out
 from artiskill.tasks.registry import SEEN_SECTIONS, make_task
 from artiskill.tasks.task import Task
 
@@ -65,9 +65,7 @@ def make_sampling(
     if points is not None:
         values = dict(settings or {})
         if method == SHARES and task is not None and not values:
-            shares = point_shares(task.name, task.category)
-            check_shares(shares, task.mask_names, task.name)
-            values = {"shares": shared_out(points, shares)}
+            values = {"shares": shared_out(points, point_shares(task.name, task.mask_names))}
         return Sampling(points, method, frame, values)
     check(method == "maniskill", f"the full cloud has every point; method {method!r} is for fewer points")
     check(frame == "world", f"the full cloud is in the world's frame; {frame!r} is for fewer points")

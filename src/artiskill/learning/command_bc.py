@@ -19,6 +19,7 @@ from artiskill.learning.batch import Batch, Observation
 from artiskill.learning.command_learner import CommandLearner, CommandLearnerConfig
 from artiskill.learning.commands import (
     GRIP_PHASES,
+    ROLL,
     ActionReader,
     CommandSpace,
     command_space,
@@ -84,11 +85,13 @@ class DemonstratedCommands:
         training_set: with actions of control mode `joint`.
         space: of the commands.
         ahead_steps: a motion is the mean of so many steps of a trajectory, from the step itself on, but for those
-            whose action was disturbed.
+            whose action was disturbed; each motion is in the hand's frame of its own step. A single hand's roll
+            stays the step's own, as kinds tell its direction.
     """
 
     def __init__(self, training_set: TrainingSet, space: CommandSpace, ahead_steps: int) -> None:
         self._set, self._ahead, self._motion = training_set, np.arange(ahead_steps), space.motion_size
+        self._kept = [ROLL] if space.arms == 1 else []
         self._reader = ActionReader(space, _ARM_GAIN_S)
         self._trajectory = np.array(training_set.steps["trajectory"])
         self._told = ~training_set.steps["disturbed"]
@@ -108,7 +111,9 @@ class DemonstratedCommands:
         found, m = self._labels[rows], self._motion
         if len(self._ahead) > 1:
             motions = np.where(counts[..., None], self._labels[ahead, :m], np.float32(0.0))
-            found[:, :m] = motions.sum(axis=1, dtype=np.float64) / counts.sum(axis=1)[:, None]
+            means = motions.sum(axis=1, dtype=np.float64) / counts.sum(axis=1)[:, None]
+            means[:, self._kept] = found[:, self._kept]
+            found[:, :m] = means
         return found
 
 

@@ -43,7 +43,7 @@ from artiskill.versions import versions
 
 _MOST_NAMED = 3  # differences
 _POINTS = 256  # of a cloud, where no number is given
-_SHARES = ("masked_points", "points_per_mask")  # settings that are numbers of points
+_COUNTS = ("masked_points", "points_per_mask")  # settings that are numbers of points
 OnProgress = Callable[[str, int, int], None]  # what is done, how many trajectories of how many
 
 
@@ -207,7 +207,7 @@ def thinned_sampling(sampling: Sampling | None, num_points: int) -> Sampling:
         num_points <= had, f"the training files have {had} points each: choose at most so many, not {num_points}"
     )
     settings = {
-        name: value * num_points // had if name in _SHARES else value for name, value in sampling.settings.items()
+        name: value * num_points // had if name in _COUNTS else value for name, value in sampling.settings.items()
     }
     if sampling.method == SHARES:
         settings["shares"] = shared_out(num_points, sampling.settings.get("shares", (1,)))

@@ -32,7 +32,7 @@ from artiskill.learning.network_config import KINEMATIC, NETWORKS, NetworkConfig
 from artiskill.learning.run import CONFIG, FROM_STATE
 from artiskill.tasks.levels import check_level
 from artiskill.tasks.point_shares import point_shares
-from artiskill.tasks.registry import task_spec
+from artiskill.tasks.registry import make_task, task_spec
 
 # name -> module:class; the class has `Config`, see `artiskill.learning.algorithm`
 ALGORITHMS = {
@@ -108,9 +108,10 @@ class TrainConfig:
     def check_continues(self, other: "TrainConfig", folder: Path) -> None:
         """Raise `RunError` if a run with these values cannot go on with other ones.
 
-        More steps are all that may change, unless learning rates depend on the number of steps.
+        More steps are all that may change, unless learning rates depend on the number of steps. Values that a
+        version before had not are as they are by default.
         """
-        ours, theirs = to_mapping(self), to_mapping(other)
+        ours, theirs = to_mapping(_resolved(self)), to_mapping(other)
         if self.schedule == "constant":
             theirs["steps"] = min(ours["steps"], theirs["steps"])
         check_same_values(ours, theirs, folder)
@@ -256,7 +257,7 @@ def _fill_rollouts(algorithm: dict[str, Any], task: str, category: Category) -> 
     if algorithm["expert"] is None:
         algorithm["expert"] = dict(_TEACHING.get(category, {}))
     if algorithm["shares"] is None:
-        algorithm["shares"] = point_shares(task, category)
+        algorithm["shares"] = point_shares(task, make_task(task).mask_names)
 
 
 def _refusal(reason: str) -> str:

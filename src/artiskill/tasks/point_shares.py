@@ -6,22 +6,22 @@ of a bucket, or of a handle, few are left. Here most are of what is gripped or p
 
 from collections.abc import Mapping, Sequence
 
-from artiskill.assets.articulated_object import Category
 from artiskill.config import check
 from artiskill.geometry.arrays import total
 
-# of each mask, and of the points in none; by task, else by category
-_SHARES: Mapping[str, tuple[int, ...]] = {
-    "OpenCabinetDoor": (2, 5, 0, 1),
-    "cabinet": (4, 3, 0, 1),
-    "chair": (0, 1),
-    "bucket": (0, 1),
+_OTHERS = ""  # the points in no mask
+# by task, else for all: the share of each mask, by its name
+_SHARES: Mapping[str, Mapping[str, int]] = {
+    "OpenCabinetDoor": {"handle": 2, "link": 5, "robot": 0, _OTHERS: 1},
+    "": {"handle": 4, "link": 3, "robot": 0, _OTHERS: 1},
 }
+_UNKNOWN = 3  # of a mask that is not among these
 
 
-def point_shares(task: str, category: Category) -> tuple[int, ...]:
+def point_shares(task: str, mask_names: Sequence[str]) -> tuple[int, ...]:
     """Return the share of each mask of a task, then of the points in none; what they sum to does not matter."""
-    return _SHARES.get(task, _SHARES[category])
+    found = _SHARES.get(task, _SHARES[""])
+    return tuple(found.get(name, _UNKNOWN) for name in (*mask_names, _OTHERS))
 
 
 def check_shares(shares: Sequence[int], mask_names: Sequence[str], task: str) -> None:
@@ -30,13 +30,16 @@ def check_shares(shares: Sequence[int], mask_names: Sequence[str], task: str) ->
     names = ", ".join(mask_names)
     check(
         len(shares) == wanted,
-        f"shares of points need {wanted} numbers for {task}, one for each of the masks {names}, and one for the "
+        f"algorithm.shares needs {wanted} numbers for {task}, one for each of the masks {names}, and one for the "
         f"others, not {list(shares)}",
     )
 
 
 def shared_out(points: int, shares: Sequence[int]) -> list[int]:
-    """Return how many of the points each share is; what is left over goes to the largest."""
-    found = [points * share // int(total(shares)) for share in shares]
-    found[shares.index(max(shares))] += points - int(total(found))
+    """Return how many of the points each share is: none more than one away from its exact part."""
+    whole = int(total(shares))
+    found = [points * share // whole for share in shares]
+    most = sorted(range(len(shares)), key=lambda k: (-(points * shares[k] % whole), k))
+    for k in most[: points - int(total(found))]:
+        found[k] += 1
     return found
