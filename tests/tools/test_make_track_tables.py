@@ -128,7 +128,7 @@ def test_a_set_that_was_made_in_another_way(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(script, "read_set_manifest", lambda folder: SimpleNamespace(options=options))
     assert data_commands("PushChair", tmp_path, 2) == []
     options["method"] = "maniskill"
-    with pytest.raises(ConfigError, match="--method maniskill --frame robot, not .*: remove it"):
+    with pytest.raises(ConfigError, match=r"--method maniskill --frame robot, not .*: remove it"):
         data_commands("PushChair", tmp_path, 2)
 
 
