@@ -17,7 +17,7 @@ from artiskill.errors import ConfigError
 from artiskill.experts.registry import make_expert
 from artiskill.learning.array_policy import ArrayPolicy
 from artiskill.learning.command_bc import DemonstratedCommands, demonstrated_space
-from artiskill.learning.commands import ROLL, ActionReader, CommandActor
+from artiskill.learning.commands import ActionReader, CommandActor
 from artiskill.learning.policy import RunPolicy, export_policy
 from artiskill.learning.run import LATEST
 from artiskill.learning.train import TrainData, train
@@ -106,34 +106,12 @@ def test_a_run_acts_with_and_without_torch(data: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(*actions, atol=1e-4)
 
 
-def test_a_motion_may_be_the_mean_of_the_steps_that_follow(data: Path) -> None:
-    """As of the labels of single steps, by hand; in another order, as each is computed when it is asked for."""
-    held = TrainingSet(data)
-    space = demonstrated_space(TASK, "joint", {})
-    held.steps = np.array(held.steps)  # a copy, in which some are disturbed
-    held.steps["disturbed"][[1, 5, 6, 20, 47]] = True
-    steps, m = held.steps, space.motion_size
-    told = np.flatnonzero(~steps["disturbed"])
-    single = dict(zip(told.tolist(), DemonstratedCommands(held, space, 1).labels(told), strict=True))
-    mixed = np.random.default_rng(0).permutation(told)
-    found = dict(zip(mixed.tolist(), DemonstratedCommands(held, space, 3).labels(mixed), strict=True))
-    for row in told.tolist():
-        near = [k for k in range(row, row + 3) if k in single]
-        motions = [single[k][:m] for k in near if steps["trajectory"][k] == steps["trajectory"][row]]
-        wanted = np.mean(motions, axis=0)
-        wanted[ROLL] = single[row][ROLL]  # as kinds tell its direction
-        np.testing.assert_allclose(found[row][:m], wanted, atol=1e-6)
-        np.testing.assert_array_equal(found[row][m:], single[row][m:])
-
-
-def test_steps_ahead_change_what_is_learned_and_go_on(data: Path, tmp_path: Path) -> None:
-    whole = run(tmp_path / "whole", data, 20, algorithm__ahead_steps=4)
-    parts = run(run(tmp_path / "parts", data, 10, algorithm__ahead_steps=4), data, 20, algorithm__ahead_steps=4)
-    plain = run(tmp_path / "plain", data, 20)
-    one, other, usual = (
-        torch.load(path / LATEST, weights_only=False)["weights"] for path in (whole, parts, plain)
-    )
-    assert all(torch.equal(weight, other[name]) for name, weight in one.items())
-    assert not all(torch.equal(weight, usual[name]) for name, weight in one.items())
-    with pytest.raises(ConfigError, match="ahead_steps"):
-        tiny_config("command_bc", algorithm__ahead_steps=0)
+def test_commands_do_not_depend_on_the_order_in_which_they_are_asked_for(data: Path) -> None:
+    held, space = TrainingSet(data), demonstrated_space(TASK, "joint", {})
+    rows = np.arange(len(held))
+    at_once = DemonstratedCommands(held, space).labels(rows)
+    agents = held.read(held.steps["frame"])["agent"][:, 0]
+    np.testing.assert_array_equal(at_once, ActionReader(space, 1.0).labels(agents, held.steps["action"]))
+    commands, mixed = DemonstratedCommands(held, space), np.random.default_rng(0).integers(0, len(held), (20, 7))
+    for batch in mixed:
+        np.testing.assert_array_equal(commands.labels(batch), at_once[batch])

@@ -32,7 +32,7 @@ from artiskill.learning.networks import make_network
 from artiskill.learning.observation import ObservationArrays
 from artiskill.learning.policy import RunPolicy, export_policy
 from artiskill.learning.rollouts import ROUNDS, Collector, Rollouts
-from artiskill.learning.run import INFO, LATEST
+from artiskill.learning.run import CONFIG, INFO, LATEST
 from artiskill.learning.train import RolloutData, train
 from artiskill.learning.train_config import algorithm_config, load_train_config
 from artiskill.robots.config import load_robot
@@ -380,6 +380,16 @@ def test_a_round_that_is_lost_is_missed(whole: Path, tmp_path: Path) -> None:
     (run / ROUNDS / "0000-0.npz").unlink()
     with pytest.raises(RunError, match="is missing"):
         tiny_run(run)
+
+
+def test_a_run_that_began_before_a_value_was_there_goes_on(whole: Path, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(whole, run)
+    text = (run / CONFIG).read_text()
+    (run / CONFIG).write_text(text.replace("  one_kind: false\n", ""))
+    assert (run / CONFIG).read_text() != text
+    tiny_run(run)
+    assert (run / CONFIG).read_text() == text
 
 
 def test_a_run_acts_and_its_file_acts_alike_without_torch(whole: Path, tmp_path: Path) -> None:

@@ -1,25 +1,22 @@
 """Behaviour cloning of commands: what the hands of the demonstrations do, rather than their joints.
 
 The demonstrations' actions become the commands that amount to them (`ActionReader`), so nothing but demonstrations
-is needed; the robot's kinematics is known. The kinds of a command are what the fingers of the first hand do. A
-motion may be the mean of several steps: where a demonstration is heading, not what it happens to do just then.
+is needed; the robot's kinematics is known. The kinds of a command are what the fingers of the first hand do.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
 import torch
 
-from artiskill.config import check, check_positive, from_mapping
+from artiskill.config import check, from_mapping
 from artiskill.envs.control import JOINT
 from artiskill.learning.augmentation import Augmentation
 from artiskill.learning.batch import Batch, Observation
-from artiskill.learning.command_learner import CommandLearner, CommandLearnerConfig
+from artiskill.learning.command_learner import CommandLearner
 from artiskill.learning.commands import (
     GRIP_PHASES,
-    ROLL,
     ActionReader,
     CommandSpace,
     command_space,
@@ -37,21 +34,8 @@ _HAND = "end_effector"  # the frame in which points cannot be mirrored, nor base
 _STREAM = 11  # tells the random numbers of variations from others of the same seed
 
 
-@dataclass(frozen=True)
-class CommandBCConfig(CommandLearnerConfig):
-    """Values of imitating commands."""
-
-    ahead_steps: int = field(default=1, kw_only=True)  # a motion is the mean of so many, from the step itself on
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_positive(self, "ahead_steps")
-
-
 class CommandBC(CommandLearner):
     """A policy that commands what the demonstrations do."""
-
-    Config = CommandBCConfig
 
 
 def demonstrated_space(task_name: str, control_mode: str, overrides: Mapping[str, Any]) -> CommandSpace:
@@ -84,37 +68,21 @@ class DemonstratedCommands:
     Args:
         training_set: with actions of control mode `joint`.
         space: of the commands.
-        ahead_steps: a motion is the mean of so many steps of a trajectory, from the step itself on, but for those
-            whose action was disturbed; each motion is in the hand's frame of its own step. A single hand's roll
-            stays the step's own, as kinds tell its direction.
     """
 
-    def __init__(self, training_set: TrainingSet, space: CommandSpace, ahead_steps: int) -> None:
-        self._set, self._ahead, self._motion = training_set, np.arange(ahead_steps), space.motion_size
-        self._kept = [ROLL] if space.arms == 1 else []
-        self._reader = ActionReader(space, _ARM_GAIN_S)
-        self._trajectory = np.array(training_set.steps["trajectory"])
-        self._told = ~training_set.steps["disturbed"]
-        self._known = np.zeros(len(self._told), dtype=bool)
-        self._labels = np.zeros((len(self._told), space.label_size), dtype=np.float32)
+    def __init__(self, training_set: TrainingSet, space: CommandSpace) -> None:
+        self._set, self._reader = training_set, ActionReader(space, _ARM_GAIN_S)
+        self._known = np.zeros(len(training_set), dtype=bool)
+        self._labels = np.zeros((len(training_set), space.label_size), dtype=np.float32)
 
     def labels(self, rows: np.ndarray) -> np.ndarray:
-        """Return the commands (B, V) of steps (B,), none of which was disturbed."""
-        ahead = np.minimum(rows[:, None] + self._ahead, len(self._told) - 1)  # (B, A)
-        counts = (self._trajectory[ahead] == self._trajectory[rows, None]) & self._told[ahead]
-        counts &= ahead == rows[:, None] + self._ahead
-        missing = np.unique(ahead[counts & ~self._known[ahead]])
+        """Return the commands (B, V) of steps (B,)."""
+        missing = np.unique(rows[~self._known[rows]])
         if len(missing):
             agents = self._set.read(self._set.steps["frame"][missing])["agent"][:, 0]
             self._labels[missing] = self._reader.labels(agents, self._set.steps["action"][missing])
             self._known[missing] = True
-        found, m = self._labels[rows], self._motion
-        if len(self._ahead) > 1:
-            motions = np.where(counts[..., None], self._labels[ahead, :m], np.float32(0.0))
-            means = motions.sum(axis=1, dtype=np.float64) / counts.sum(axis=1)[:, None]
-            means[:, self._kept] = found[:, self._kept]
-            found[:, :m] = means
-        return found
+        return self._labels[rows]
 
 
 class CommandBatches:
@@ -128,11 +96,10 @@ class CommandBatches:
 
     def __init__(self, loader: BatchLoader, training_set: TrainingSet, trainer: Trainer) -> None:
         space = from_mapping(CommandSpace, trainer.info.commands, "commands")
-        values: CommandBCConfig = algorithm_config(trainer.config)
         self._loader, self._step, self._key = loader, trainer.state.step, trainer.config.seed
         self._rank, self._device = trainer.processes.rank, trainer.processes.device
-        self._commands = DemonstratedCommands(training_set, space, values.ahead_steps)
-        self._augmentation = Augmentation(values.augmentation, space)
+        self._commands = DemonstratedCommands(training_set, space)
+        self._augmentation = Augmentation(algorithm_config(trainer.config).augmentation, space)
 
     def __iter__(self) -> Self:
         """Return itself."""

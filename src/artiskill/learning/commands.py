@@ -35,8 +35,7 @@ GRIP_PHASES = tuple(grip.name.lower() for grip in Grip)  # where no expert says 
 _TWIST = 6
 # what counts as 1 in a vector; typical, not the most
 _LINEAR_M_S, _ANGULAR_RAD_S, _TRUNK_M_S, _GAIN_S, _PRESS_N, _WIDTH_M = 0.8, 3.0, 0.6, 2.0, 50.0, 0.02
-ROLL = 5  # place of the first hand's roll in a motion
-_ROLLS, _SLOW_ROLL = 3, 0.3  # hardly, one way, the other; when
+_ROLL, _ROLLS, _SLOW_ROLL = 5, 3, 0.3  # place of the hand's roll in a motion; hardly, one way, the other; when
 _SHUT_M = 5e-4  # positions of fingers that are nearer are the same
 _MOST = 1.5  # of these: motions beyond are asked for nowhere, and a network need not tell how far
 
@@ -103,7 +102,7 @@ class CommandSpace:
         motion = (command.twists.reshape(-1), command.trunk_qvel, [command.arm_gain_s], press)
         scaled = np.concatenate(motion) / self._units
         width = np.asarray(command.width_m) / _WIDTH_M - 1.0
-        roll = scaled[ROLL] if self.arms == 1 else 0.0
+        roll = scaled[_ROLL] if self.arms == 1 else 0.0
         way = 0 if abs(roll) < _SLOW_ROLL else 1 + (roll < 0)
         kind = 0 if self.one_kind else command.phase * self._rolls + way
         parts = (np.clip(scaled, -_MOST, _MOST), width, command.grip, [kind])
