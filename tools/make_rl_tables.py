@@ -8,21 +8,19 @@ docs/data/reinforcement.csv, also without the work folder; the tables are made f
 
 import argparse
 import csv
-import os
 import sys
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
-from artiskill.errors import ArtiSkillError, ConfigError
+from artiskill.errors import ArtiSkillError
 from artiskill.files import read_text
 from artiskill.gallery.facts import markdown
 from artiskill.jobs.parallel import available_cores
 from learning_tables.cells import TASKS
+from learning_tables.commands import finish, in_pool
 from learning_tables.markdown import write_between
 from learning_tables.results import read_measured, read_rows, write_rows
-from make_track_tables import call
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE, EXPERTS = DOCS / "reinforcement_learning.md", DOCS / "data" / "experts.csv"
@@ -71,17 +69,13 @@ def main(arguments: list[str]) -> int:
     """Train, measure, write; the exit status is 1 if a command failed, 2 if what is asked is not legal."""
     options = make_parser().parse_args(arguments)
     try:
-        if options.jobs < 1:
-            raise ConfigError(f"--jobs must be at least 1, not {options.jobs}")
         policies = list(wanted(options))
-        environment = {**os.environ, "OMP_NUM_THREADS": "1"}
-        with ThreadPoolExecutor(options.jobs) as pool:
-            done = [pool.submit(run, one, options, environment) for one in policies]
+        succeeded = in_pool(lambda one: run(one, options), policies, options.jobs)
         write_tables(policies, options.work, options.page)
     except ArtiSkillError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    return int(not all(one.result() for one in done))
+    return int(not succeeded)
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -139,20 +133,11 @@ def graded(task: str) -> list[tuple[str, str]]:
     return [(found[place][0], found[place][1] if is_cabinet else "") for place in places]
 
 
-def run(policy: Policy, options: argparse.Namespace, environment: dict[str, str]) -> bool:
+def run(policy: Policy, options: argparse.Namespace) -> bool:
     """Train and measure a policy, as far as that is missing; return whether all commands succeeded."""
     folder = policy.folder(options.work)
-    trained = folder / "trained"  # an empty file: nothing is measured before
-    if not trained.is_file():
-        if not call(train_command(policy, options), environment):
-            return False
-        trained.touch()
-    for split in policy.splits:
-        if not (folder / split / "report.json").is_file() and not call(
-            evaluate_command(policy, split, options.work), environment
-        ):
-            return False
-    return True
+    reports = {folder / split: evaluate_command(policy, split, options.work) for split in policy.splits}
+    return finish(folder, train_command(policy, options), reports)
 
 
 def train_command(policy: Policy, options: argparse.Namespace) -> list[str]:

@@ -8,12 +8,9 @@ Policies whose rows are in the CSV file of the page are finished: without them t
 
 import argparse
 import os
-import shlex
-import subprocess
 import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,7 +22,9 @@ from artiskill.gallery.facts import markdown
 from artiskill.jobs.parallel import available_cores
 from artiskill.learning.train_config import DEVELOPMENT_SEEDS, ROLLOUT_SEEDS
 from artiskill.learning.training_set import is_training_set, read_set_manifest
+from learning_tables import commands
 from learning_tables.cells import TASKS
+from learning_tables.commands import finish, in_pool
 from learning_tables.markdown import range_text, sum_of, write_between
 from learning_tables.results import Measured, read_measured, read_rows, write_rows
 from make_rolled_cabinets import LIST, make_folders
@@ -108,43 +107,21 @@ def run_all(policies: Sequence[Policy], options: argparse.Namespace) -> bool:
     if TRAIN in options.stages:
         for task in sorted({one.task for one in policies if one.track == "no-interactions"}):
             for command in data_commands(task, options.work, options.jobs):
-                call(command, os.environ)
+                commands.call(command, os.environ)
         if any(one.track == "no-restrictions" and one.task == DOOR for one in policies):
             for name, seeds in ROLLED.items():
                 if not (rolled_folder(options.work, name) / LIST).is_file():  # it is written last
                     make_folders(seeds, rolled_folder(options.work, name))
-    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
-    with ThreadPoolExecutor(options.jobs) as pool:
-        done = [pool.submit(run, one, options.work, options.stages, environment) for one in policies]
-    return not all(one.result() for one in done)
+    return not in_pool(lambda one: run(one, options.work, options.stages), policies, options.jobs)
 
 
-def run(policy: Policy, work: Path, stages: Sequence[str], environment: dict[str, str]) -> bool:
+def run(policy: Policy, work: Path, stages: Sequence[str]) -> bool:
     """Train and measure a policy, as far as that is missing; return whether all commands succeeded."""
-    folder = policy.folder(work)
-    trained = folder / "trained"  # an empty file: nothing is measured before
-    if TRAIN in stages and not trained.is_file():
-        if not call(train_command(policy, work), environment):
-            return False
-        trained.touch()
-    if EVALUATE in stages and trained.is_file():
-        for split, report in policy.reports(work).items():
-            if not (report / "report.json").is_file() and not call(
-                evaluate_command(policy, split, work), environment
-            ):
-                return False
-    return True
-
-
-def call(command: list[str], environment: "os._Environ[str] | dict[str, str]") -> bool:
-    """Run one of the package's commands; return whether it succeeded."""
-    print(f"$ {shlex.join(['artiskill', *command])}", flush=True)
-    done = subprocess.run(
-        [sys.executable, "-m", "artiskill", *command], env=environment, stdout=subprocess.DEVNULL, check=False
+    train = train_command(policy, work) if TRAIN in stages else None
+    reports = policy.reports(work).items() if EVALUATE in stages else ()
+    return finish(
+        policy.folder(work), train, {path: evaluate_command(policy, split, work) for split, path in reports}
     )
-    if done.returncode:
-        print(f"failed, exit status {done.returncode}: {shlex.join(command)}", file=sys.stderr, flush=True)
-    return not done.returncode
 
 
 def data_commands(task: str, work: Path, workers: int) -> list[list[str]]:

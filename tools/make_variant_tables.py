@@ -8,20 +8,19 @@ Variants whose rows are in docs/data/variants.csv are finished, also without the
 """
 
 import argparse
-import os
 import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
-from artiskill.errors import ArtiSkillError, ConfigError
+from artiskill.errors import ArtiSkillError
 from artiskill.gallery.facts import markdown
 from artiskill.jobs.parallel import available_cores
+from learning_tables.commands import finish, in_pool
 from learning_tables.markdown import range_text, sum_of, write_between
 from learning_tables.results import Measured, read_measured, read_rows, write_rows
-from make_track_tables import PAGE, SPLITS, call
+from make_track_tables import PAGE, SPLITS
 
 TABLE = Path("data", "variants.csv")  # beside the page
 BEGIN, END = "<!-- made by tools/make_variant_tables.py -->", "<!-- end of the variants -->"
@@ -72,18 +71,14 @@ def main(arguments: list[str]) -> int:
     options = make_parser().parse_args(arguments)
     wanted = list(wanted_of(options))
     try:
-        if options.jobs < 1:
-            raise ConfigError(f"--jobs must be at least 1, not {options.jobs}")
         known = read_all(wanted, options.work, options.page)
-        environment = {**os.environ, "OMP_NUM_THREADS": "1"}
-        with ThreadPoolExecutor(options.jobs) as pool:
-            missing = [one for one in wanted if one not in known]
-            done = [pool.submit(run, one, options.work, environment) for one in missing]
+        missing = [one for one in wanted if one not in known]
+        succeeded = in_pool(lambda one: run(one, options.work), missing, options.jobs)
         write_tables(read_all(wanted, options.work, options.page), options.page)
     except ArtiSkillError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    return int(not all(one.result() for one in done))
+    return int(not succeeded)
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -107,18 +102,11 @@ def wanted_of(options: argparse.Namespace) -> Iterator[Variant]:
         yield from (Variant("ablations", key, seed) for key in options.ablations)
 
 
-def run(variant: Variant, work: Path, environment: dict[str, str]) -> bool:
+def run(variant: Variant, work: Path) -> bool:
     """Train and measure a variant, as far as that is missing; return whether all commands succeeded."""
     folder = variant.folder(work)
-    trained = folder / "trained"  # an empty file: nothing is measured before
-    if not trained.is_file():
-        if not call(train_command(variant, work), environment):
-            return False
-        trained.touch()
-    return all(
-        (folder / name / "report.json").is_file() or call(evaluate_command(variant, name, work), environment)
-        for name in variant.measured_on
-    )
+    reports = {folder / name: evaluate_command(variant, name, work) for name in variant.measured_on}
+    return finish(folder, train_command(variant, work), reports)
 
 
 def train_command(variant: Variant, work: Path) -> list[str]:

@@ -29,7 +29,7 @@ def commands(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
             (out / "report.json").write_text(json.dumps({"objects": rows, "timing": {"seconds": 1.0}}))
         return "PushChair" not in command
 
-    monkeypatch.setattr(script, "call", call)
+    monkeypatch.setattr("learning_tables.commands.call", call)
     return called
 
 

@@ -32,7 +32,7 @@ def commands(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
             report.write_text(json.dumps({"objects": objects, "timing": {"seconds": 1.0}}))
         return "PushChair" not in command
 
-    monkeypatch.setattr(script, "call", call)
+    monkeypatch.setattr("learning_tables.commands.call", call)
     monkeypatch.setattr(script, "ROLLED", {"train": "4..4", "development": "1000002..1000002"})
     return called
 

@@ -29,7 +29,7 @@ def commands(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
             (folder / "report.json").write_text(json.dumps({"objects": objects, "timing": {"seconds": 1.0}}))
         return "network.input.frames=[tool]" not in command
 
-    monkeypatch.setattr(script, "call", call)
+    monkeypatch.setattr("learning_tables.commands.call", call)
     return called
 
 

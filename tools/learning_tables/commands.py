@@ -1,0 +1,59 @@
+"""Policies that are commands of `artiskill`: trained, then measured, several at once, each step done once."""
+
+import os
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import TypeVar
+
+from artiskill.config import check
+
+ONE_THREAD = {"OMP_NUM_THREADS": "1"}
+Policy = TypeVar("Policy")
+
+
+def call(command: list[str], environment: Mapping[str, str]) -> bool:
+    """Run one of the package's commands; return whether it succeeded."""
+    print(f"$ {shlex.join(['artiskill', *command])}", flush=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "artiskill", *command], env=environment, stdout=subprocess.DEVNULL, check=False
+    )
+    if done.returncode:
+        print(f"failed, exit status {done.returncode}: {shlex.join(command)}", file=sys.stderr, flush=True)
+    return not done.returncode
+
+
+def finish(folder: Path, train: list[str] | None, reports: Mapping[Path, list[str]]) -> bool:
+    """Train and measure a policy, as far as that is missing.
+
+    Args:
+        folder: of the policy, with an empty file `trained` once it is; nothing is measured before.
+        train: the command that trains; None to measure only what is trained.
+        reports: by their folders, the commands that measure.
+
+    Returns:
+        Whether all commands succeeded.
+    """
+    environment, trained = {**os.environ, **ONE_THREAD}, folder / "trained"
+    if not trained.is_file():
+        if train is None:
+            return True
+        if not call(train, environment):
+            return False
+        trained.touch()
+    missing = [command for report, command in reports.items() if not (report / "report.json").is_file()]
+    return all(call(command, environment) for command in missing)
+
+
+def in_pool(run: Callable[[Policy], bool], policies: Iterable[Policy], jobs: int) -> bool:
+    """Run several policies at once, in their order; return whether all succeeded.
+
+    Raises:
+        ConfigError: an illegal number.
+    """
+    check(jobs >= 1, f"--jobs must be at least 1, not {jobs}")
+    with ThreadPoolExecutor(jobs) as pool:
+        return all([*pool.map(run, policies)])
