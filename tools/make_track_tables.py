@@ -9,7 +9,6 @@ Policies whose rows are in the CSV file of the page are finished: without them t
 import argparse
 import os
 import sys
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -26,7 +25,7 @@ from learning_tables import commands
 from learning_tables.cells import TASKS
 from learning_tables.commands import finish, in_pool
 from learning_tables.markdown import range_text, sum_of, write_between
-from learning_tables.results import Measured, read_measured, read_rows, write_rows
+from learning_tables.results import Measured, add_counts, read_measured, read_rows, rows_of_counts, write_rows
 from make_rolled_cabinets import LIST, make_folders
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "generalization.md"
@@ -190,9 +189,7 @@ def read_csv(path: Path) -> dict[Policy, dict[str, Measured]]:
     found: dict[Policy, dict[str, Measured]] = {}
     for row in read_rows(path, CSV_HEAD):
         splits = found.setdefault(Policy(row["track"], row["task"], int(row["seed"])), {})
-        one = splits.setdefault(row["split"], Measured(Counter(), Counter(), 0.0))
-        one.episodes[row["object"]] = int(row["episodes"])
-        one.successes[row["object"]] = int(row["successes"])
+        add_counts(splits, row["split"], row)
     return found
 
 
@@ -238,15 +235,6 @@ def _cell(seeds: Sequence[Measured]) -> str:
     return f"{np.mean(rates):.1%}{spread}{bounds}, {len(rates)} seed{'s' * (len(rates) > 1)}"
 
 
-def csv_rows(found: dict[Policy, dict[str, Measured]]) -> Iterator[list[str]]:
-    """Yield a row per policy, split and object."""
-    for policy, splits in found.items():
-        for split, one in splits.items():
-            for name in sorted(one.episodes):
-                row = (*policy, split, name, one.episodes[name], one.successes[name])
-                yield [str(value) for value in row]
-
-
 def write_table(work: Path, page: Path) -> None:
     """Write the CSV file and what stands between the marks of the page, of all that is finished.
 
@@ -255,7 +243,7 @@ def write_table(work: Path, page: Path) -> None:
     """
     found = read_all(work, page)
     write_between(page, BEGIN, END, table_text(found))
-    write_rows(page.parent / TABLE, [CSV_HEAD, *csv_rows(found)])
+    write_rows(page.parent / TABLE, [CSV_HEAD, *rows_of_counts(found)])
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ Variants whose rows are in docs/data/variants.csv are finished, also without the
 
 import argparse
 import sys
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -19,7 +18,7 @@ from artiskill.gallery.facts import markdown
 from artiskill.jobs.parallel import available_cores
 from learning_tables.commands import finish, in_pool
 from learning_tables.markdown import range_text, sum_of, write_between
-from learning_tables.results import Measured, read_measured, read_rows, write_rows
+from learning_tables.results import Measured, add_counts, read_measured, read_rows, rows_of_counts, write_rows
 from make_track_tables import PAGE, SPLITS
 
 TABLE = Path("data", "variants.csv")  # beside the page
@@ -139,10 +138,7 @@ def read_all(wanted: Sequence[Variant], work: Path, page: Path) -> Found:
         variant = Variant(row["table"], row["variant"], int(row["seed"]))
         if variant.name not in _NAMES:
             continue
-        sides = found.setdefault(variant, {})
-        one = sides.setdefault(row["measured on"], Measured(Counter(), Counter(), 0.0))
-        one.episodes[row["object"]] = int(row["episodes"])
-        one.successes[row["object"]] = int(row["successes"])
+        add_counts(found.setdefault(variant, {}), row["measured on"], row)
     for variant in wanted:
         reports = {name: variant.folder(work) / name for name in variant.measured_on}
         if all((path / "report.json").is_file() for path in reports.values()):
@@ -159,13 +155,8 @@ def write_tables(found: Found, page: Path) -> None:
     texts = {"counts": counts_text, "ablations": ablations_text}
     tables = [text for table, text in texts.items() if any(variant.table == table for variant in found)]
     write_between(page, BEGIN, END, "\n\n".join(text(found) for text in tables) or "Nothing is measured yet.")
-    rows = [
-        [*map(str, variant), side, name, str(one.episodes[name]), str(one.successes[name])]
-        for variant, sides in sorted(found.items(), key=lambda item: (_NAMES.index(item[0].name), item[0].seed))
-        for side, one in sides.items()
-        for name in sorted(one.episodes)
-    ]
-    write_rows(page.parent / TABLE, [CSV_HEAD, *rows])
+    ordered = sorted(found.items(), key=lambda item: (_NAMES.index(item[0].name), item[0].seed))
+    write_rows(page.parent / TABLE, [CSV_HEAD, *rows_of_counts(dict(ordered))])
 
 
 def counts_text(found: Found) -> str:

@@ -253,6 +253,9 @@ def test_what_is_refused() -> None:
     config = load_train_config("dagger", TASK, overrides={"algorithm.shares": [1, 1]})
     with pytest.raises(ConfigError, match=r"algorithm\.shares needs 4 numbers"):
         RolloutData().open(config, Path("nowhere"))
+    config = load_train_config("dagger", "PushChair", overrides={"algorithm.shares": [1]})
+    with pytest.raises(ConfigError, match="needs 2 numbers for PushChair, one for each of the masks robot"):
+        RolloutData().open(config, Path("nowhere"))
 
 
 # -- runs ---------------------------------------------------------------------------------------------------------

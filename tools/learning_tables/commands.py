@@ -11,7 +11,6 @@ from typing import TypeVar
 
 from artiskill.config import check
 
-ONE_THREAD = {"OMP_NUM_THREADS": "1"}
 Policy = TypeVar("Policy")
 
 
@@ -37,7 +36,7 @@ def finish(folder: Path, train: list[str] | None, reports: Mapping[Path, list[st
     Returns:
         Whether all commands succeeded.
     """
-    environment, trained = {**os.environ, **ONE_THREAD}, folder / "trained"
+    environment, trained = {**os.environ, "OMP_NUM_THREADS": "1"}, folder / "trained"
     if not trained.is_file():
         if train is None:
             return True

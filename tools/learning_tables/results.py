@@ -2,7 +2,7 @@
 
 import csv
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -149,11 +149,23 @@ def _add_row(found: dict[Cell, Result], row: dict[str, str], settings: Settings)
         return
     trained = {name: row[column] for name, column in _TRAINED.items()}
     result = found.setdefault(cell, Result(cell, trained, {}))
-    one = result.measured.setdefault(
-        row["measured on"], Measured(Counter(), Counter(), float(row["measuring seconds"]))
-    )
+    add_counts(result.measured, row["measured on"], row, float(row["measuring seconds"]))
+
+
+def add_counts(measured: dict[str, Measured], split: str, row: dict[str, str], seconds: float = 0.0) -> None:
+    """Add the counts of a row, of one object, to those of a split."""
+    one = measured.setdefault(split, Measured(Counter(), Counter(), seconds))
     one.episodes[row["object"]] = int(row["episodes"])
     one.successes[row["object"]] = int(row["successes"])
+
+
+def rows_of_counts(found: Mapping[tuple[Any, ...], Mapping[str, Measured]]) -> Iterator[list[str]]:
+    """Yield a row per policy, split and object: what the policy is, the split, the object, its counts."""
+    for policy, splits in found.items():
+        for split, one in splits.items():
+            for name in sorted(one.episodes):
+                row = (*policy, split, name, one.episodes[name], one.successes[name])
+                yield [str(value) for value in row]
 
 
 def _demonstrations(cell: Cell, settings: Settings) -> str:

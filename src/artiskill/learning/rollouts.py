@@ -17,7 +17,7 @@ import numpy as np
 import torch
 
 from artiskill.assets.catalog import object_id_of, resolve_objects
-from artiskill.config import from_mapping, to_mapping
+from artiskill.config import check, from_mapping, to_mapping
 from artiskill.demos.demonstrator import FAULTS
 from artiskill.envs.control import JOINT
 from artiskill.envs.vector_env import ManipulationVectorEnv
@@ -46,7 +46,7 @@ from artiskill.learning.train_config import (
     read_train_config,
 )
 from artiskill.learning.trainer import Trainer
-from artiskill.tasks.point_shares import check_shares, shared_out
+from artiskill.tasks.point_shares import shared_out
 from artiskill.tasks.registry import make_task
 from artiskill.tasks.task import Task, robot_fields
 
@@ -93,7 +93,12 @@ class Rollouts:
         self.config, self.folder, self.workers, self.on_note = config, folder, workers, on_note
         self.values: DAggerConfig = algorithm_config(config)
         self.task = make_task(config.task)
-        check_shares(self.values.shares, self.task.mask_names, config.task)
+        wanted, names = len(self.task.mask_names) + 1, ", ".join(self.task.mask_names)
+        check(
+            len(self.values.shares) == wanted,
+            f"algorithm.shares needs {wanted} numbers for {config.task}, one for each of the masks {names}, and "
+            f"one for the others, not {list(self.values.shares)}",
+        )
         found = resolve_objects(list(self.values.objects), task=config.task)
         check_not_measured(found)
         self.objects = [object_id_of(item) for item in found]

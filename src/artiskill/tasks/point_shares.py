@@ -6,7 +6,6 @@ of a bucket, or of a handle, few are left. Here most are of what is gripped or p
 
 from collections.abc import Mapping, Sequence
 
-from artiskill.config import check
 from artiskill.geometry.arrays import total
 
 _OTHERS = ""  # the points in no mask
@@ -22,17 +21,6 @@ def point_shares(task: str, mask_names: Sequence[str]) -> tuple[int, ...]:
     """Return the share of each mask of a task, then of the points in none; what they sum to does not matter."""
     found = _SHARES.get(task, _SHARES[""])
     return tuple(found.get(name, _UNKNOWN) for name in (*mask_names, _OTHERS))
-
-
-def check_shares(shares: Sequence[int], mask_names: Sequence[str], task: str) -> None:
-    """Raise `ConfigError` unless there is a share for each mask of a task, and one more."""
-    wanted = len(mask_names) + 1
-    names = ", ".join(mask_names)
-    check(
-        len(shares) == wanted,
-        f"algorithm.shares needs {wanted} numbers for {task}, one for each of the masks {names}, and one for the "
-        f"others, not {list(shares)}",
-    )
 
 
 def shared_out(points: int, shares: Sequence[int]) -> list[int]:
