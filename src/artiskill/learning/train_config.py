@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
-from artiskill.assets.articulated_object import ArticulatedObject, Category
+from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import checked_hash, object_id_of, read_catalog, resolve_objects
 from artiskill.assets.names import is_path, is_split_file, parse_generated, partnet_id
 from artiskill.config import (
@@ -250,7 +250,7 @@ def kinds_of(objects: Sequence[str]) -> tuple[list[str], list[str]]:
     return kinds
 
 
-def _fill_rollouts(algorithm: dict[str, Any], task: str, category: Category) -> None:
+def _fill_rollouts(algorithm: dict[str, Any], task: str, category: str) -> None:
     """Fill in what depends on the task: objects, expert, shares of points."""
     if algorithm["objects"] is None:
         algorithm["objects"] = ("train", f"generated:{category}:{ROLLOUT_SEEDS[category]}")
