@@ -12,6 +12,7 @@ import numpy as np
 from artiskill.config import check_inside, check_not_negative
 from artiskill.errors import ConfigError
 from artiskill.learning.commands import GRIP_PHASES, CommandSpace
+from artiskill.learning.displacement import Displacement
 from artiskill.learning.observation import ObservationArrays
 
 _TRUNK, _FINGERS, _BASE = 4, 2, 3
@@ -32,10 +33,13 @@ class AugmentationConfig:
     jitter_m: float = 0.0  # standard deviation of each coordinate
     drop: float = 0.0  # up to this share of the points is missing
     unmask: float = 0.0  # up to this share of the points is in no mask
+    displace: float = 0.0  # share of the steps whose robots stand elsewhere, and are led back
+    displace_m: float = 0.03  # standard deviation of their base and lift
+    displace_rad: float = 0.06  # that of each of their joints
 
     def __post_init__(self) -> None:
-        check_not_negative(self, "stretch", "jitter_m")
-        for name in ("mirror", "drop", "unmask"):
+        check_not_negative(self, "stretch", "jitter_m", "displace_m", "displace_rad")
+        for name in ("mirror", "drop", "unmask", "displace"):
             check_inside(name, getattr(self, name), (0, 1))
 
 
@@ -45,17 +49,19 @@ class Augmentation:
     Args:
         config: how they are varied.
         space: of the commands.
+        frame: of the points: `world` or `robot`.
 
     Raises:
         ConfigError: a robot with one arm has no mirror image.
     """
 
-    def __init__(self, config: AugmentationConfig, space: CommandSpace) -> None:
+    def __init__(self, config: AugmentationConfig, space: CommandSpace, frame: str) -> None:
         if config.mirror and space.arms == 1:
             raise ConfigError(
                 "augmentation.mirror is for robots with two arms; with one, at its side, it must be 0"
             )
         self.config, self._space = config, space
+        self._displacement = Displacement(space, frame, config.displace_m, config.displace_rad)
 
     def __call__(
         self, seen: ObservationArrays, labels: np.ndarray, rng: np.random.Generator
@@ -63,10 +69,11 @@ class Augmentation:
         """Return variations of B steps: what is seen, with points in `world` or `robot`, and commands (B, V)."""
         config, (count, points) = self.config, seen.valid.shape
         if config.mirror:
-            mirrored, other_labels = self.mirrored(seen, labels)
             chosen = np.less(rng.random(count), config.mirror)
-            seen = ObservationArrays(*(_where(chosen, new, old) for new, old in zip(mirrored, seen, strict=True)))
-            labels = _where(chosen, other_labels, labels)
+            seen, labels = _chosen(chosen, self.mirrored(seen, labels), (seen, labels))
+        if config.displace:
+            chosen = np.less(rng.random(count), config.displace)
+            seen, labels = _chosen(chosen, self._displacement(seen, labels, rng), (seen, labels))
         moved, masks, valid = seen.points, seen.masks, seen.valid
         if config.stretch:
             factors = (1.0 + config.stretch) ** rng.uniform(-1.0, 1.0, (count, 1, 3))
@@ -133,6 +140,15 @@ def _stretched(points: np.ndarray, masks: np.ndarray, factors: np.ndarray) -> np
     moves = ~inside & (masks[..., -1] == 0) & (count > 0)[:, None]
     found = middle[:, None] + (points - middle[:, None]) * factors
     return np.where(moves[..., None], found, points)
+
+
+_Steps = tuple[ObservationArrays, np.ndarray]  # what is seen, and what is commanded
+
+
+def _chosen(chosen: np.ndarray, new: _Steps, old: _Steps) -> _Steps:
+    """Return the new steps where they are chosen (B,), else the old ones."""
+    seen = ObservationArrays(*(_where(chosen, one, other) for one, other in zip(new[0], old[0], strict=True)))
+    return seen, _where(chosen, new[1], old[1])
 
 
 def _where(chosen: np.ndarray, new: np.ndarray, old: np.ndarray) -> np.ndarray:

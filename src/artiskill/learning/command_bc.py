@@ -58,7 +58,7 @@ def check_demonstrated(config: TrainConfig, space: CommandSpace, frame: str) -> 
         ConfigError: points in the frame of the hand, in which base and hands cannot be found; or mirror images
             of a robot that has none.
     """
-    Augmentation(algorithm_config(config).augmentation, space)
+    Augmentation(algorithm_config(config).augmentation, space, frame)
     check(frame != _HAND, f"{config.name} needs points in frame 'robot' or 'world', not {frame!r}")
 
 
@@ -99,7 +99,9 @@ class CommandBatches:
         self._loader, self._step, self._key = loader, trainer.state.step, trainer.config.seed
         self._rank, self._device = trainer.processes.rank, trainer.processes.device
         self._commands = DemonstratedCommands(training_set, space)
-        self._augmentation = Augmentation(algorithm_config(trainer.config).augmentation, space)
+        self._augmentation = Augmentation(
+            algorithm_config(trainer.config).augmentation, space, trainer.info.sampling["frame"]
+        )
 
     def __iter__(self) -> Self:
         """Return itself."""

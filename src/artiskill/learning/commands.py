@@ -102,11 +102,32 @@ class CommandSpace:
         motion = (command.twists.reshape(-1), command.trunk_qvel, [command.arm_gain_s], press)
         scaled = np.concatenate(motion) / self._units
         width = np.asarray(command.width_m) / _WIDTH_M - 1.0
-        roll = scaled[_ROLL] if self.arms == 1 else 0.0
-        way = 0 if abs(roll) < _SLOW_ROLL else 1 + (roll < 0)
-        kind = 0 if self.one_kind else command.phase * self._rolls + way
+        kind = self._kind(np.array(command.phase), scaled)
         parts = (np.clip(scaled, -_MOST, _MOST), width, command.grip, [kind])
         return np.concatenate(parts).astype(np.float32)
+
+    def _kind(self, phase: np.ndarray, scaled: np.ndarray) -> np.ndarray:
+        """Return the kinds (...) of commands of these phases (...) with motions (..., M)."""
+        if self.one_kind:
+            return np.zeros_like(phase)
+        if self.arms > 1:
+            return phase
+        roll = scaled[..., _ROLL]
+        return phase * _ROLLS + np.where(np.abs(roll) < _SLOW_ROLL, 0, 1 + (roll < 0))
+
+    def motions(self, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the twists (B, 6 A) and the velocities of the trunk (B, 4) of commands (B, `label_size`)."""
+        values = labels[:, : self.motion_size].astype(np.float64) * self._units
+        return values[:, : _TWIST * self.arms], values[:, _TWIST * self.arms : _TWIST * self.arms + TRUNK]
+
+    def with_motions(self, labels: np.ndarray, twists: np.ndarray, trunk_qvel: np.ndarray) -> np.ndarray:
+        """Return commands (B, `label_size`) with other twists (B, 6 A) and velocities of the trunk (B, 4)."""
+        found = labels.copy()
+        motion = np.concatenate((twists, trunk_qvel), axis=1)
+        scaled = motion / self._units[: motion.shape[1]]
+        found[:, : motion.shape[1]] = np.clip(scaled, -_MOST, _MOST)
+        found[:, -1] = self._kind(labels[:, -1] // self._rolls, scaled)
+        return found
 
     def decode(self, label: np.ndarray) -> Command:
         """Return the command that numbers (`label_size`,) say; their grips and kind are whole."""

@@ -124,7 +124,7 @@ class Rollouts:
         expert = commanding_expert(task, values.expert)
         agent = sum(field.size for field in robot_fields(len(task.robot.mounts)))
         space = command_space(task, expert.controller, expert.phases, values.one_kind)
-        Augmentation(values.augmentation, space)  # an illegal one is refused before anything is written
+        Augmentation(values.augmentation, space, FRAME)  # an illegal one is refused before anything is written
         actions = len(expert.controller.whole_body.scale.center)
         sizes = Sizes(values.points, len(task.mask_names), agent, actions)
         zeros, ones = np.zeros(3), np.ones(3)
@@ -169,7 +169,7 @@ class RoundBatches:
         self._layout = trainer.info.layout
         self._table = Table(rollouts.folder / TABLE, self._step)
         space = from_mapping(CommandSpace, trainer.info.commands, "commands")
-        self._augmentation = Augmentation(values.augmentation, space)
+        self._augmentation = Augmentation(values.augmentation, space, FRAME)
         self._rounds = 0  # that were taken in
         self._records = np.zeros(0, self._layout.dtype)
         self._labels = np.zeros((0, 0), np.float32)
