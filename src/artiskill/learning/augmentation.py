@@ -5,7 +5,9 @@ one arm, at its side, has no mirror image. The other variations are of what a po
 large the object is around its handle, which points a sensor happens to give, and how exactly. NumPy only.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -69,11 +71,11 @@ class Augmentation:
         """Return variations of B steps: what is seen, with points in `world` or `robot`, and commands (B, V)."""
         config, (count, points) = self.config, seen.valid.shape
         if config.mirror:
-            chosen = np.less(rng.random(count), config.mirror)
-            seen, labels = _chosen(chosen, self.mirrored(seen, labels), (seen, labels))
+            rows = np.flatnonzero(rng.random(count) < config.mirror)
+            seen, labels = _varied(rows, self.mirrored, seen, labels)
         if config.displace:
-            chosen = np.less(rng.random(count), config.displace)
-            seen, labels = _chosen(chosen, self._displacement(seen, labels, rng), (seen, labels))
+            rows = np.flatnonzero(rng.random(count) < config.displace)
+            seen, labels = _varied(rows, partial(self._displacement, rng=rng), seen, labels)
         moved, masks, valid = seen.points, seen.masks, seen.valid
         if config.stretch:
             factors = (1.0 + config.stretch) ** rng.uniform(-1.0, 1.0, (count, 1, 3))
@@ -142,14 +144,16 @@ def _stretched(points: np.ndarray, masks: np.ndarray, factors: np.ndarray) -> np
     return np.where(moves[..., None], found, points)
 
 
-_Steps = tuple[ObservationArrays, np.ndarray]  # what is seen, and what is commanded
-
-
-def _chosen(chosen: np.ndarray, new: _Steps, old: _Steps) -> _Steps:
-    """Return the new steps where they are chosen (B,), else the old ones."""
-    seen = ObservationArrays(*(_where(chosen, one, other) for one, other in zip(new[0], old[0], strict=True)))
-    return seen, _where(chosen, new[1], old[1])
-
-
-def _where(chosen: np.ndarray, new: np.ndarray, old: np.ndarray) -> np.ndarray:
-    return np.where(chosen.reshape(-1, *[1] * (old.ndim - 1)), new, old).astype(old.dtype)
+def _varied(
+    rows: np.ndarray,
+    vary: Callable[[ObservationArrays, np.ndarray], tuple[ObservationArrays, np.ndarray]],
+    seen: ObservationArrays,
+    labels: np.ndarray,
+) -> tuple[ObservationArrays, np.ndarray]:
+    """Return steps of which those in these rows are varied."""
+    others, other_labels = vary(ObservationArrays(*(part[rows] for part in seen)), labels[rows])
+    parts = (part.copy() for part in seen)
+    found, found_labels = ObservationArrays(*parts), labels.copy()
+    for part, other in zip((*found, found_labels), (*others, other_labels), strict=True):
+        part[rows] = other
+    return found, found_labels
