@@ -23,7 +23,7 @@ from artiskill.learning.run import LATEST
 from artiskill.learning.train import TrainData, train
 from artiskill.learning.training_set import TrainingSet
 
-ALL_VARIATIONS = {"stretch": 0.1, "jitter_m": 0.002, "drop": 0.2, "unmask": 0.1}
+ALL_VARIATIONS = {"stretch": 0.1, "jitter_m": 0.002, "drop": 0.2, "unmask": 0.1, "displace": 0.5}
 
 
 @pytest.mark.parametrize("task", ["OpenCabinetDrawer", "OpenCabinetDoor", "PushChair", "MoveBucket"])

@@ -36,8 +36,8 @@ class AugmentationConfig:
     drop: float = 0.0  # up to this share of the points is missing
     unmask: float = 0.0  # up to this share of the points is in no mask
     displace: float = 0.0  # share of the steps whose robots stand elsewhere, and are led back
-    displace_m: float = 0.03  # standard deviation of their base and lift
-    displace_rad: float = 0.06  # that of each of their joints
+    displace_m: float = 0.06  # standard deviation of where their hands are, in each direction
+    displace_rad: float = 0.2  # that of the hands' rotation vectors
 
     def __post_init__(self) -> None:
         check_not_negative(self, "stretch", "jitter_m", "displace_m", "displace_rad")
@@ -151,6 +151,8 @@ def _varied(
     labels: np.ndarray,
 ) -> tuple[ObservationArrays, np.ndarray]:
     """Return steps of which those in these rows are varied."""
+    if not len(rows):
+        return seen, labels
     others, other_labels = vary(ObservationArrays(*(part[rows] for part in seen)), labels[rows])
     parts = (part.copy() for part in seen)
     found, found_labels = ObservationArrays(*parts), labels.copy()

@@ -4,11 +4,13 @@ Demonstrations show few states beside the expert's way, so that what imitates th
 robot's kinematics is known, and the cloud shows what stands still. So a step can be told anew with the robot moved
 a little: joints, hands and points follow, and the command is the demonstrated one and a motion back. Hands move
 less near what they work on, where a moved one would stand inside of it; base and posture vary all the same.
+Open hands turn wherever they are: that the fingers lie askew when they close is how a handle is missed. And their
+fingers stand elsewhere now and then, also closed, as after that.
 """
 
 import numpy as np
 
-from artiskill.experts.whole_body import TRUNK
+from artiskill.experts.whole_body import TRUNK, Grip
 from artiskill.learning.commands import CommandSpace
 from artiskill.learning.observation import ObservationArrays
 from artiskill.robots.arm_config import load_arm
@@ -18,8 +20,10 @@ _FINGERS, _BASE, _TWIST = 2, 3, 6
 _SLIDES, _YAW = (0, 1, 3), 2  # of the trunk
 _HAND_GAIN_S, _TRUNK_GAIN_S = 3.0, 1.0  # how strongly commands lead back, 1/s
 _FREE_M = 0.25  # hands that are so far from all points move in full
-_TURNING = 0.4  # share of the turns that a hand makes however near it is, while its fingers are open
-_NEWTON_STEPS, _DAMPING = 3, 1e-3
+_BASE_M, _JOINT_RAD = 0.03, 0.06  # standard deviations of base and lift, and of yaw and arms, whatever hands do
+_FINGERS_SHARE = 0.3  # of the open hands, those whose fingers stand elsewhere
+_APART = np.array([1.0, -1.0])  # along the hand's y axis the fingers go outwards
+_NEWTON_STEPS, _DAMPING = 4, 1e-3
 _FAR_M = 1e3
 
 
@@ -29,21 +33,25 @@ class Displacement:
     Args:
         space: of the commands.
         frame: of the points: `world` or `robot`.
-        shift_m: standard deviation of base and lift.
-        turn_rad: that of each joint of an arm, and of the base's yaw.
+        shift_m: standard deviation of where hands are, in each direction.
+        turn_rad: that of their rotation vector.
     """
 
     def __init__(self, space: CommandSpace, frame: str, shift_m: float, turn_rad: float) -> None:
         self._space, self._frame = space, frame
+        self._way_std = np.tile(np.repeat((shift_m, turn_rad), 3), space.arms)
         self._kinematics = RobotKinematics(space.robot)
         self._count = TRUNK + space.arms * self._kinematics.arm_joints
-        self._std = np.full(self._count, turn_rad)
-        self._std[list(_SLIDES)] = shift_m
+        self._std = np.full(self._count, _JOINT_RAD)
+        self._std[list(_SLIDES)] = _BASE_M
         own = self._kinematics.arm_joints + _FINGERS
         arms = [TRUNK + own * arm + np.arange(self._kinematics.arm_joints) for arm in range(space.arms)]
         self._columns = np.concatenate((np.arange(TRUNK), *arms))  # of all joints: those that are moved
-        limits = np.array([joint.range_rad for joint in load_arm(space.robot.arm).joints])
-        self._low, self._high = np.tile(limits.T, space.arms)
+        arm = load_arm(space.robot.arm)
+        self._low, self._high = np.tile(np.array([joint.range_rad for joint in arm.joints]).T, space.arms)
+        ends = TRUNK + own * np.arange(1, space.arms + 1)
+        self._fingers = ends[:, None] - _FINGERS + np.arange(_FINGERS)  # (A, 2) likewise
+        self._open_m = arm.finger.range_m[1]
 
     def __call__(
         self, seen: ObservationArrays, labels: np.ndarray, rng: np.random.Generator
@@ -56,12 +64,15 @@ class Displacement:
         pose = self._kinematics.pose(agent, self._space.step_s)
         jacobian = self._jacobian(pose)
         drawn = rng.normal(0.0, 1.0, (len(agent), self._count)) * self._std
-        ways = (jacobian @ drawn[..., None])[..., 0] * self._shares(pose, seen, labels)
+        ways = rng.normal(0.0, 1.0, (len(agent), len(self._way_std))) * self._way_std
+        ways *= self._shares(pose, seen, labels)
         qpos = self._reached(pose, jacobian, drawn, ways)
+        wider = self._move_fingers(qpos, self._are_open(labels), rng)
         moved = self._with_joints(agent, qpos)
         other = self._kinematics.pose(moved, self._space.step_s)
         count, tips = len(agent), 6 * self._space.arms
-        places = agent[:, :tips].reshape(count, self._space.arms, 2, 3)
+        places = agent[:, :tips].reshape(count, self._space.arms, _FINGERS, 3)
+        places = places + (wider * _APART)[..., None] * pose.tool_rotation_w[:, :, None, :, 1]
         moved[:, :tips] = _carried(places, pose, other).reshape(count, -1)
         masks, valid = seen.masks, seen.valid
         if masks.shape[2] > 1:  # the last one is the robot's
@@ -95,10 +106,23 @@ class Displacement:
         gaps = np.linalg.norm(tools[:, :, None] - seen.points[:, None], axis=-1)  # (B, A, N)
         gaps = np.where(own[:, None], gaps, _FAR_M).min(axis=-1)
         near = np.clip(gaps / _FREE_M, 0.0, 1.0)
-        start = self._space.motion_size + self._space.arms
-        is_open = labels[:, start : start + self._space.arms] == 0
-        turning = np.maximum(near, np.where(is_open, _TURNING, 0.0))
+        turning = np.where(self._are_open(labels), 1.0, near)
         return np.repeat(np.stack((near, turning), axis=2), 3, axis=2).reshape(len(tools), -1)
+
+    def _are_open(self, labels: np.ndarray) -> np.ndarray:
+        """Return which hands are told to open by commands (B, V): (B, A)."""
+        start = self._space.motion_size + self._space.arms
+        found: np.ndarray = labels[:, start : start + self._space.arms] == int(Grip.OPEN)
+        return found
+
+    def _move_fingers(self, qpos: np.ndarray, are_open: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Move fingers of some open hands in joints (B, R); return how far each has moved outwards, (B, A, 2)."""
+        drawn, widths = rng.random(are_open.shape), rng.uniform(0.0, self._open_m, are_open.shape)
+        chosen = are_open & (drawn < _FINGERS_SHARE)
+        before = qpos[:, self._fingers]
+        qpos[:, self._fingers] = np.where(chosen[..., None], widths[..., None], before)
+        found: np.ndarray = qpos[:, self._fingers] - before
+        return found
 
     def _reached(self, pose: RobotPose, jacobian: np.ndarray, drawn: np.ndarray, ways: np.ndarray) -> np.ndarray:
         """Return joints (B, R) near those drawn, at which hands have come their ways (B, 6 A)."""
