@@ -36,14 +36,19 @@ TRAIN, EVALUATE = STAGES = ("train", "evaluate")
 TRACKS = {
     "no-restrictions": ("dagger",),
     "interactive-expert": ("dagger", "--objects", "train"),
-    "no-interactions": ("command_bc", "--dev-objects", "none", "--steps", "12000"),
+    "no-interactions": ("command_bc", "--dev-objects", "none"),
 }
 CSV_HEAD = ["track", "task", "seed", "split", "object", "episodes", "successes"]
 SAMPLES = ("OpenCabinetDoor", "PushChair", "MoveBucket")  # whose DAgger takes twice the default
 TWO_ARMS = ("PushChair", "MoveBucket")  # DAgger plays training objects as often as generated ones
 DOOR = "OpenCabinetDoor"  # whose policies without restrictions train on cabinets on their side, too
 ROLLED = {"train": "0..299", "development": DEVELOPMENT_SEEDS["cabinet"]}  # seeds of these
-PER_OBJECT = 40  # demonstrations of those that learn from them
+# of those that learn from demonstrations: how many of each object, and the steps
+PER_OBJECT = {DOOR: 120, "OpenCabinetDrawer": 40, "PushChair": 40, "MoveBucket": 40}
+STEPS = {DOOR: 24_000, "OpenCabinetDrawer": 12_000, "PushChair": 12_000, "MoveBucket": 12_000}
+# what else they are told, with two arms and of cabinets, whose demonstrators brake where a joint ends
+MIRRORED = ("algorithm.augmentation.mirror=0.5",)
+OPENED = ("algorithm.augmentation.displace=0.5", "algorithm.end_steps=14")
 POINTS, FRAME = ("--points", "128", "--method", "shares"), "robot"
 
 
@@ -138,7 +143,7 @@ def data_commands(task: str, work: Path, workers: int) -> list[list[str]]:
         return []
     common = ["--workers", str(workers)]
     return [
-        ["demos", "collect", "--task", task, "--per-object", str(PER_OBJECT), "--out", demos, *common],
+        ["demos", "collect", "--task", task, "--per-object", str(PER_OBJECT[task]), "--out", demos, *common],
         ["training-set", demos, "--out", data, *POINTS, "--frame", FRAME, *common],
     ]
 
@@ -162,8 +167,8 @@ def train_command(policy: Policy, work: Path) -> list[str]:
     name, *values = TRACKS[policy.track]
     command = ["train", name, "--task", policy.task, "--out", str(policy.folder(work) / "run"), *values]
     if policy.track == "no-interactions":
-        command += ["--data", str(work / "sets" / policy.task)]
-        command += ["--set", "algorithm.augmentation.mirror=0.5"] if policy.task in TWO_ARMS else []
+        command += ["--data", str(work / "sets" / policy.task), "--steps", str(STEPS[policy.task])]
+        command += ["--set", *(MIRRORED if policy.task in TWO_ARMS else OPENED)]
     elif policy.task in SAMPLES:
         command += ["--samples", "192000"]
     if policy.track == "no-restrictions" and policy.task in TWO_ARMS:

@@ -58,11 +58,13 @@ class Algorithm(nn.Module, ABC):
         Config: the dataclass of its values.
         action_unit: (A,) in which errors of actions count, or ().
         needs_next: whether batches need `next_observation`.
+        end_steps: the last ones of each demonstration, which batches leave out.
         optimizers: by name.
     """
 
     Config: ClassVar[type]
     needs_next: ClassVar[bool]
+    end_steps = 0
     optimizers: dict[str, Optimizer]
     action_unit: Tensor
 

@@ -5,16 +5,17 @@ is needed; the robot's kinematics is known. The kinds of a command are what the 
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
 import torch
 
-from artiskill.config import check, from_mapping
+from artiskill.config import check, check_not_negative, from_mapping
 from artiskill.envs.control import JOINT
 from artiskill.learning.augmentation import Augmentation
 from artiskill.learning.batch import Batch, Observation
-from artiskill.learning.command_learner import CommandLearner
+from artiskill.learning.command_learner import CommandLearner, CommandLearnerConfig
 from artiskill.learning.commands import (
     GRIP_PHASES,
     ActionReader,
@@ -34,8 +35,27 @@ _HAND = "end_effector"  # the frame in which points cannot be mirrored, nor base
 _STREAM = 11  # tells the random numbers of variations from others of the same seed
 
 
+@dataclass(frozen=True)
+class CommandBCConfig(CommandLearnerConfig):
+    """Values of behaviour cloning of commands."""
+
+    # the last steps of each demonstration, which are not imitated: whoever demonstrates brakes where a joint ends,
+    # and a cloud does not show where that is
+    end_steps: int = field(default=0, kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_not_negative(self, "end_steps")
+
+
 class CommandBC(CommandLearner):
     """A policy that commands what the demonstrations do."""
+
+    Config = CommandBCConfig
+
+    def __init__(self, config: CommandBCConfig, *arguments: Any, **values: Any) -> None:
+        super().__init__(config, *arguments, **values)
+        self.end_steps = config.end_steps
 
 
 def demonstrated_space(task_name: str, control_mode: str, overrides: Mapping[str, Any]) -> CommandSpace:

@@ -26,16 +26,19 @@ class StepSampler:
         training_set: whose steps are drawn.
         seed: of the draws.
         disturbed: also steps whose action was disturbed.
+        end_steps: the last ones of each trajectory, which are not drawn.
 
     Raises:
         DemoError: there is no step to draw.
     """
 
-    def __init__(self, training_set: TrainingSet, seed: int, disturbed: bool = False) -> None:
+    def __init__(self, training_set: TrainingSet, seed: int, disturbed: bool = False, end_steps: int = 0) -> None:
         steps = training_set.steps
-        legal = np.arange(len(steps)) if disturbed else np.flatnonzero(~steps["disturbed"])
+        is_legal = _steps_left(steps["trajectory"]) >= end_steps
+        legal = np.flatnonzero(is_legal if disturbed else is_legal & ~steps["disturbed"])
         if not len(legal):
-            raise DemoError(f"{str(training_set.folder)!r} has no step to learn from")
+            without = f" without the last {end_steps} of each trajectory" if end_steps else ""
+            raise DemoError(f"{str(training_set.folder)!r} has no step to learn from{without}")
         groups = training_set.group_of_trajectory[steps["trajectory"][legal]]
         counts = np.bincount(groups)
         self._seed = seed
@@ -55,6 +58,14 @@ class StepSampler:
         within = (rng.random(size) * self._counts[groups]).astype(np.int64)
         found: np.ndarray = self._steps[self._starts[groups] + within]
         return found
+
+
+def _steps_left(trajectory: np.ndarray) -> np.ndarray:
+    """Return how many steps follow each in its trajectory, (S,), of their trajectories' numbers."""
+    last, rows = np.zeros(trajectory.max(initial=0) + 1, dtype=np.int64), np.arange(len(trajectory))
+    np.maximum.at(last, trajectory, rows)
+    found: np.ndarray = last[trajectory] - rows
+    return found
 
 
 class _Records(NamedTuple):
@@ -78,6 +89,7 @@ class BatchLoader:
         world_size: number of processes.
         start_step: number of the first batch.
         device: where the batches go.
+        end_steps: the last ones of each trajectory, which are left out.
 
     Raises:
         ConfigError: an illegal number.
@@ -94,6 +106,7 @@ class BatchLoader:
         world_size: int = 1,
         start_step: int = 0,
         device: torch.device | str = "cpu",
+        end_steps: int = 0,
     ) -> None:
         check(batch_size >= 1, f"the batch size must be at least 1, not {batch_size}")
         check(0 <= rank < world_size, f"the rank must lie in [0, {world_size - 1}], not {rank}")
@@ -106,7 +119,7 @@ class BatchLoader:
         self._set, self._size, self._next = training_set, batch_size, start_step
         self._needs_next, self._rank, self._ranks = needs_next, rank, world_size
         self._device = torch.device(device)
-        self._sampler = StepSampler(training_set, seed, disturbed=needs_next)
+        self._sampler = StepSampler(training_set, seed, needs_next, end_steps)
         points = training_set.sizes.points * (3 + 3 + training_set.sizes.masks)
         batch_bytes = batch_size // world_size * (1 + needs_next) * points * np.dtype(np.float32).itemsize
         self._ahead = max(_LEAST_AHEAD, min(_MOST_AHEAD, _AHEAD_BYTES // batch_bytes))

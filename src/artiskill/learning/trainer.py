@@ -346,6 +346,7 @@ class SetSource:
             processes.world_size,
             trainer.state.step,
             "cpu" if trainer.info.commands else processes.device,
+            trainer.algorithm.end_steps,
         )
         if not trainer.info.commands:
             return loader
