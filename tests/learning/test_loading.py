@@ -128,6 +128,19 @@ def test_disturbed_steps_are_left_out_of_imitation(training_set: TrainingSet) ->
     assert all((batch.weight == 1).all() for batch in take(3, training_set, 12, seed=0))
 
 
+def test_the_ends_of_trajectories_can_be_left_out(tmp_path: Path) -> None:
+    """Of each trajectory, however long; one that is shorter has no step left."""
+    episodes = [Episode("link_0", steps=steps) for steps in (5, 2, 4)]
+    held = make_set(tmp_path, cabinet_0002=episodes)
+    drawn = {one for number in range(20) for one in StepSampler(held, 0, end_steps=3).draw(number, 12).tolist()}
+    assert drawn == {0, 1, 7}
+    batches = take(5, held, 6, seed=0, end_steps=3)
+    wanted = held.steps["action"][[0, 1, 7]]
+    assert all((wanted == action.numpy()).all(axis=1).any() for batch in batches for action in batch.action)
+    with pytest.raises(DemoError, match="without the last 9 of each trajectory"):
+        StepSampler(held, 0, end_steps=9)
+
+
 def test_disturbed_steps_are_weighted_0_where_what_follows_counts(training_set: TrainingSet) -> None:
     sampler = StepSampler(training_set, 0, disturbed=True)
     assert {one for number in range(50) for one in sampler.draw(number, 12).tolist()} == set(range(11))

@@ -7,7 +7,7 @@ where arrays are tensors; imports no torch.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -37,7 +37,6 @@ _TWIST = 6
 _LINEAR_M_S, _ANGULAR_RAD_S, _TRUNK_M_S, _GAIN_S, _PRESS_N, _WIDTH_M = 0.8, 3.0, 0.6, 2.0, 50.0, 0.02
 _ROLL, _ROLLS, _SLOW_ROLL = 5, 3, 0.3  # place of the hand's roll in a motion; hardly, one way, the other; when
 _SHUT_M = 5e-4  # positions of fingers that are nearer are the same
-_ROUNDS = 2  # in which what a command asks for comes near what an action does
 _MOST = 1.5  # of these: motions beyond are asked for nowhere, and a network need not tell how far
 
 
@@ -176,7 +175,9 @@ class CommandActor:
 
     def __init__(self, space: CommandSpace) -> None:
         self.space = space
-        self._controller = _controller(space)
+        body = WholeBodyController(space.robot, space.whole_body, space.arms)
+        posture = np.array(space.arm_qpos_rad)
+        self._controller = CommandController(body, posture, space.close_speed_m_s, space.rolls)
         self.kinematics = RobotKinematics(space.robot)
 
     def action(self, agent: np.ndarray, label: np.ndarray) -> np.ndarray:
@@ -189,9 +190,7 @@ class ActionReader:
     """Tells which commands actions amount to; what an action cannot tell is 0, or the same for all.
 
     Kinds are what the first hand's fingers do, a force that hands press with is a motion towards each other, and
-    what the arms strive for beside the hands' motion is not seen. Inverse kinematics weighs a twist against the
-    posture and falls short of it, so a command asks for more than the action's motion: for as much as brings it
-    about, as far as that can be found in a few rounds.
+    what the arms strive for beside the hands' motion is not seen.
 
     Args:
         space: of the commands; its phases are those of `GRIP_PHASES`.
@@ -200,8 +199,7 @@ class ActionReader:
 
     def __init__(self, space: CommandSpace, arm_gain_s: float) -> None:
         self._space, self._arm_gain_s = space, arm_gain_s
-        self._controller = _controller(space)
-        self._body = self._controller.whole_body
+        self._body = WholeBodyController(space.robot, space.whole_body, space.arms)
         self._kinematics = RobotKinematics(space.robot)
 
     def labels(self, agents: np.ndarray, actions: np.ndarray) -> np.ndarray:
@@ -214,7 +212,9 @@ class ActionReader:
 
     def _command(self, pose: RobotPose, targets: np.ndarray) -> Command:
         body, space = self._body, self._space
-        motion = self._motion(pose, targets)
+        qvel = targets[body.columns]
+        trunk = qvel[:TRUNK].copy()  # base x and y along the base's axes, as targets have them
+        qvel[:TRUNK] = in_world_axes(pose, trunk)
         fingers = targets[body.finger_columns]  # (A, 2) m
         closing = body.closing_m(pose, space.close_speed_m_s)
         grip = np.select(
@@ -222,36 +222,14 @@ class ActionReader:
             [Grip.SHUT, Grip.CLOSING],
             Grip.OPEN,
         )
-        command = Command(
+        return Command(
             phase=int(grip[0]),
-            twists=motion[:-TRUNK].reshape(-1, _TWIST),
-            trunk_qvel=motion[-TRUNK:],
+            twists=in_hand_axes(pose, (body.jacobian(pose) @ qvel).reshape(-1, _TWIST)),
+            trunk_qvel=trunk,
             arm_gain_s=self._arm_gain_s,
             grip=grip,
             width_m=fingers.mean(axis=1),
         )
-        for _ in range(_ROUNDS):
-            done = self._motion(pose, body.scale.to_targets(self._controller.action(pose, command)))
-            missing = motion - done
-            command = replace(
-                command,
-                twists=command.twists + missing[:-TRUNK].reshape(-1, _TWIST),
-                trunk_qvel=command.trunk_qvel + missing[-TRUNK:],
-            )
-        return command
-
-    def _motion(self, pose: RobotPose, targets: np.ndarray) -> np.ndarray:
-        """Return the hands' twists in their own axes, then the trunk's velocities (6 A + 4,), of targets (R,)."""
-        qvel = targets[self._body.columns]
-        trunk = qvel[:TRUNK].copy()  # base x and y along the base's axes, as targets have them
-        qvel[:TRUNK] = in_world_axes(pose, trunk)
-        twists = in_hand_axes(pose, (self._body.jacobian(pose) @ qvel).reshape(-1, _TWIST))
-        return np.concatenate((twists.reshape(-1), trunk))
-
-
-def _controller(space: CommandSpace) -> CommandController:
-    body = WholeBodyController(space.robot, space.whole_body, space.arms)
-    return CommandController(body, np.array(space.arm_qpos_rad), space.close_speed_m_s, space.rolls)
 
 
 def commanding_expert(task: Task, values: Mapping[str, Any]) -> Any:
