@@ -136,10 +136,17 @@ def data_commands(task: str, work: Path, workers: int) -> list[list[str]]:
     """
     demos, data = str(work / "demos" / task), str(work / "sets" / task)
     if is_training_set(Path(data)):
-        options = read_set_manifest(Path(data)).options
-        found = [text for name in ("num_points", "method", "frame") for text in (f"--{name}", str(options[name]))]
+        held = read_set_manifest(Path(data))
+        found = [
+            text for name in ("num_points", "method", "frame") for text in (f"--{name}", str(held.options[name]))
+        ]
         wanted = ["--num_points", POINTS[1], "--method", POINTS[3], "--frame", FRAME]
         check(found == wanted, f"{data!r} was made with {' '.join(found)}, not {' '.join(wanted)}: remove it")
+        many = held.trajectories / len(held.objects)
+        check(
+            many == PER_OBJECT[task],
+            f"{data!r} has {many:g} demonstrations of each object, not {PER_OBJECT[task]}",
+        )
         return []
     common = ["--workers", str(workers)]
     return [

@@ -145,7 +145,9 @@ def test_nothing_changes_where_nothing_is_asked_for() -> None:
         assert one.dtype == other.dtype
 
 
-@pytest.mark.parametrize("values", [{"mirror": 1.5}, {"stretch": -0.1}, {"drop": 2}])
+@pytest.mark.parametrize(
+    "values", [{"mirror": 1.5}, {"stretch": -0.1}, {"drop": 2}, {"displace": 2}, {"displace_rad": 0.5}]
+)
 def test_values_that_make_no_sense(values: dict[str, Any]) -> None:
     with pytest.raises(ConfigError, match=next(iter(values))):
         replace(NONE, **values)

@@ -13,7 +13,7 @@ import gymnasium as gym
 from tests.learning.tiny_set import SIZES, TASK, tiny_config, write_tiny_set
 
 import artiskill  # noqa: F401 - registers the environments
-from artiskill.errors import ConfigError
+from artiskill.errors import ConfigError, DemoError
 from artiskill.experts.registry import make_expert
 from artiskill.learning.array_policy import ArrayPolicy
 from artiskill.learning.command_bc import DemonstratedCommands, demonstrated_space
@@ -78,6 +78,8 @@ def test_a_run_goes_on_bit_for_bit(data: Path, tmp_path: Path, values: dict[str,
 def test_what_demonstrations_cannot_tell_is_refused_before_anything_is_written(data: Path, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="two arms"):
         run(tmp_path / "run", data, 20, algorithm__augmentation__mirror=0.5)
+    with pytest.raises(DemoError, match="without the last 500 of each trajectory"):
+        run(tmp_path / "run", data, 20, algorithm__end_steps=500)
     assert not (tmp_path / "run" / "run.json").exists()
     run(tmp_path / "run", data, 20)
     other = write_tiny_set(tmp_path / "hand", frame="end_effector")

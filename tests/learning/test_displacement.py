@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from artiskill.errors import ConfigError
 from artiskill.experts.whole_body import Command, Grip, WholeBodyConfig
 from artiskill.learning.commands import GRIP_PHASES, CommandSpace
 from artiskill.learning.displacement import Displacement
@@ -42,14 +44,21 @@ def tips_of(agent: np.ndarray, arms: int) -> np.ndarray:
     return ends[:, :, None] + fingers[..., None] * pose.tool_rotation_w[:, :, None, :, 1]
 
 
-def steps(arms: int, gap_m: float, grip: Grip = Grip.OPEN) -> tuple[ObservationArrays, np.ndarray]:
-    """Return steps whose points, in the world's frame, are all so far from the first hand, and commands."""
+def steps(
+    arms: int, gap_m: float, grip: Grip = Grip.OPEN, lift_m: float | None = None
+) -> tuple[ObservationArrays, np.ndarray]:
+    """Return steps whose points, in the world's frame, are all so far from the first hand, and commands.
+
+    The last two points are of the robot.
+    """
     rng, agent = np.random.default_rng(1), agents(arms).astype(np.float32)
+    if lift_m is not None:
+        agent[:, 12 * arms + 6] = lift_m
     pose = RobotKinematics(space(arms).robot).pose(agent.astype(np.float64), STEP_S)
     away = rng.normal(0, 1, (B, N, 3))
     points = pose.tool_position_w[:, :1] + gap_m * away / np.linalg.norm(away, axis=2, keepdims=True)
-    masks = np.zeros((B, N, 3), np.float32)
-    masks[:, : N // 2, 0], masks[:, -2:, 2] = 1.0, 1.0
+    masks = np.zeros((B, N, 3 if arms == 1 else 1), np.float32)  # of chairs and buckets there is the robot's alone
+    masks[:, -2:, -1] = 1.0
     seen = ObservationArrays(
         points.astype(np.float32), np.zeros((B, N, 3), np.float32), masks, np.ones((B, N), bool), agent
     )
@@ -77,9 +86,23 @@ def way_m(before: RobotPose, after: RobotPose) -> np.ndarray:
     return np.linalg.norm(after.tool_position_w - before.tool_position_w, axis=2)
 
 
+def turn(before: RobotPose, after: RobotPose) -> np.ndarray:
+    """Return rotation vectors (B, A, 3), world."""
+    matrices = after.tool_rotation_w @ before.tool_rotation_w.swapaxes(2, 3)
+    return Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_rotvec().reshape(*matrices.shape[:2], 3)
+
+
 def turn_rad(before: RobotPose, after: RobotPose) -> np.ndarray:
-    turn = after.tool_rotation_w @ before.tool_rotation_w.swapaxes(2, 3)
-    return np.arccos(np.clip((np.trace(turn, axis1=2, axis2=3) - 1) / 2, -1, 1))
+    return np.linalg.norm(turn(before, after), axis=2)
+
+
+def in_world(pose: RobotPose, arms: int, commands: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return what commands ask of hands (B, A, 2, 3) and trunk (B, 4), along the world's axes."""
+    twists, trunk = space(arms).motions(commands)
+    cos, sin = np.cos(pose.robot_qpos[:, 2]), np.sin(pose.robot_qpos[:, 2])
+    x, y = cos * trunk[:, 0] - sin * trunk[:, 1], sin * trunk[:, 0] + cos * trunk[:, 1]
+    twists = np.einsum("baij,bakj->baki", pose.tool_rotation_w, twists.reshape(B, arms, 2, 3))
+    return twists, np.stack((x, y, trunk[:, 2], trunk[:, 3]), axis=1)
 
 
 @pytest.mark.parametrize("arms", [1, 2])
@@ -117,25 +140,25 @@ def test_fingers_of_some_open_hands_stand_elsewhere_and_closed_ones_hold_what_th
 @pytest.mark.parametrize("arms", [1, 2])
 def test_the_command_is_the_same_motion_and_one_that_leads_back(arms: int) -> None:
     *_, labels, others, before, after = displaced(arms, gap_m=0.1)
-
-    def in_world(pose: RobotPose, commands: np.ndarray) -> np.ndarray:
-        twists = space(arms).motions(commands)[0].reshape(B, arms, 2, 3)
-        return np.einsum("baij,bakj->baki", pose.tool_rotation_w, twists)
-
-    change = in_world(after, others) - in_world(before, labels)
-    np.testing.assert_allclose(change[:, :, 0], -3.0 * (after.tool_position_w - before.tool_position_w), atol=2e-3)
-    np.testing.assert_allclose(
-        np.linalg.norm(change[:, :, 1], axis=2), 3.0 * turn_rad(before, after), rtol=0.06, atol=2e-3
-    )
+    (hands, trunk), (new_hands, new_trunk) = in_world(before, arms, labels), in_world(after, arms, others)
+    moved = after.tool_position_w - before.tool_position_w
+    np.testing.assert_allclose(new_hands[:, :, 0] - hands[:, :, 0], -3.0 * moved, atol=2e-3)
+    np.testing.assert_allclose(new_hands[:, :, 1] - hands[:, :, 1], -3.0 * turn(before, after), atol=0.02)
+    assert np.abs(new_hands - hands).max() > 0.2
+    way = after.robot_qpos[:, :4] - before.robot_qpos[:, :4]
+    np.testing.assert_allclose(new_trunk - trunk, -1.0 * way, atol=2e-3)
+    assert np.abs(way).max(axis=0).min() > 0.02
     np.testing.assert_array_equal(others[:, space(arms).motion_size : -1], labels[:, space(arms).motion_size : -1])
 
 
 def test_the_kind_is_that_of_the_new_motion() -> None:
     seen, labels = steps(1, gap_m=1.0)
-    _, others = Displacement(space(1), "world", 0.03, 0.5)(seen, labels, np.random.default_rng(2))
+    _, others = Displacement(space(1), "world", 0.03, 0.3)(seen, labels, np.random.default_rng(2))
     again = np.stack([space(1).encode(space(1).decode(one)) for one in others])
     np.testing.assert_array_equal(again[:, -1], others[:, -1])
     assert len(np.unique(others[:, -1])) > 1
+    alone = replace(space(1), one_kind=True)
+    assert alone.with_motions(labels, *alone.motions(others))[:, -1].max() == 0
 
 
 def test_points_in_the_frame_of_the_base_stay_where_they_are_in_the_world() -> None:
@@ -157,15 +180,40 @@ def test_points_in_the_frame_of_the_base_stay_where_they_are_in_the_world() -> N
     assert np.abs(found.points - own.points).max() > 0.01
 
 
-def test_the_robots_own_points_are_missing_and_joints_keep_their_limits() -> None:
-    seen, labels = steps(1, gap_m=1.0)
-    found, _ = Displacement(space(1), "world", 0.0, 2.0)(seen, labels, np.random.default_rng(2))
+@pytest.mark.parametrize("arms", [1, 2])
+def test_the_robots_own_points_are_missing_and_keep_no_hand_in_its_place(arms: int) -> None:
+    seen, labels = steps(arms, gap_m=1.0)
+    kinematics = RobotKinematics(space(arms).robot)
+    before = kinematics.pose(seen.agent.astype(np.float64), STEP_S)
+    seen.points[:, -1] = before.tool_position_w[:, 0]
+    found, _ = Displacement(space(arms), "world", 0.03, 0.06)(seen, labels, np.random.default_rng(2))
     assert not found.valid[:, -2:].any()
     assert found.valid[:, :-2].all()
-    qpos = RobotKinematics(space(1).robot).joints(found.agent)[0][:, 4:11]
+    after = kinematics.pose(found.agent.astype(np.float64), STEP_S)
+    assert np.median(way_m(before, after)) > 0.02
+
+
+def test_joints_keep_their_ranges_and_hands_come_where_they_shall_or_nothing_moves() -> None:
+    """The lift is at its end: where it would go beyond, the arm does its part."""
+    seen, labels = steps(1, gap_m=1.0, lift_m=0.0)
+    found, _ = Displacement(space(1), "world", 0.03, 0.2)(seen, labels, np.random.default_rng(2))
+    kinematics = RobotKinematics(space(1).robot)
+    before, after = (kinematics.joints(one.agent)[0] for one in (seen, found))
     limits = np.array([joint.range_rad for joint in load_arm(space(1).robot.arm).joints])
-    assert (qpos >= limits[:, 0] - 1e-6).all()
-    assert (qpos <= limits[:, 1] + 1e-6).all()
+    moved = (before != after).any(axis=1)
+    assert 0.5 < moved.mean() <= 1.0
+    assert (after[:, 3] >= 0.0).all()
+    assert 0.2 < (after[moved, 3] == 0.0).mean() < 0.8
+    assert (after[moved, 4:11] >= limits[:, 0] - 1e-6).all()
+    assert (after[moved, 4:11] <= limits[:, 1] + 1e-6).all()
+    poses = [kinematics.pose(one.agent.astype(np.float64), STEP_S) for one in (seen, found)]
+    assert way_m(*poses).max() < 0.2
+    assert turn_rad(*poses).max() < 1.0
+
+
+def test_commands_that_leave_an_arm_alone() -> None:
+    with pytest.raises(ConfigError, match="all 2 arms, not of 1"):
+        Displacement(replace(space(2), arms=1), "world", 0.03, 0.06)
 
 
 def test_the_same_generator_moves_robots_alike() -> None:
@@ -175,4 +223,3 @@ def test_the_same_generator_moves_robots_alike() -> None:
     )
     np.testing.assert_array_equal(one[0].agent, other[0].agent)
     np.testing.assert_array_equal(one[1], other[1])
-    assert replace(space(1), one_kind=True).with_motions(labels, *space(1).motions(labels))[:, -1].max() == 0

@@ -137,8 +137,13 @@ def test_the_ends_of_trajectories_can_be_left_out(tmp_path: Path) -> None:
     batches = take(5, held, 6, seed=0, end_steps=3)
     wanted = held.steps["action"][[0, 1, 7]]
     assert all((wanted == action.numpy()).all(axis=1).any() for batch in batches for action in batch.action)
-    with pytest.raises(DemoError, match="without the last 9 of each trajectory"):
+    with pytest.raises(DemoError, match="no step to learn from without the last 9 of each trajectory"):
         StepSampler(held, 0, end_steps=9)
+    two = make_set(
+        tmp_path / "two", cabinet_0002=[Episode("link_0", steps=5)], cabinet_0003=[Episode("link_0", steps=3)]
+    )
+    with pytest.raises(DemoError, match="1 of 2 pairs of object and target have no step without the last 3"):
+        StepSampler(two, 0, end_steps=3)
 
 
 def test_disturbed_steps_are_weighted_0_where_what_follows_counts(training_set: TrainingSet) -> None:

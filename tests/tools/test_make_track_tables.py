@@ -109,10 +109,14 @@ def test_commands_of_the_tracks() -> None:
     imitator = Policy("no-interactions", "PushChair", 0)
     assert " ".join(train_command(imitator, work)) == (
         "train command_bc --task PushChair --out w/no-interactions/PushChair/seed-0/run --dev-objects none "
-        "--steps 12000 --data w/sets/PushChair --set algorithm.augmentation.mirror=0.5 --seed 0 --threads 1 "
+        "--data w/sets/PushChair --steps 12000 --set algorithm.augmentation.mirror=0.5 --seed 0 --threads 1 "
         "--workers 1"
     )
-    assert "mirror" not in " ".join(train_command(imitator._replace(task="OpenCabinetDoor"), work))
+    assert (
+        "--steps 24000 --set algorithm.augmentation.displace=0.5 algorithm.end_steps=14 --seed 0 "
+    ) in " ".join(train_command(imitator._replace(task="OpenCabinetDoor"), work))
+    collect, _ = data_commands("OpenCabinetDoor", work, 2)
+    assert "--per-object 120" in " ".join(collect)
     _, make_set = data_commands("PushChair", work, 2)
     assert "--points 128 --method shares --frame robot" in " ".join(make_set)
     assert " ".join(evaluate_command(student, "ood", work)) == (
@@ -124,9 +128,12 @@ def test_commands_of_the_tracks() -> None:
 
 def test_a_set_that_was_made_in_another_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     options = {"num_points": 128, "method": "shares", "frame": "robot"}
+    held = SimpleNamespace(options=options, trajectories=80, objects=["chair-0000", "chair-0001"])
     monkeypatch.setattr(script, "is_training_set", lambda folder: True)
-    monkeypatch.setattr(script, "read_set_manifest", lambda folder: SimpleNamespace(options=options))
+    monkeypatch.setattr(script, "read_set_manifest", lambda folder: held)
     assert data_commands("PushChair", tmp_path, 2) == []
+    with pytest.raises(ConfigError, match="40 demonstrations of each object, not 120"):
+        data_commands("OpenCabinetDoor", tmp_path, 2)
     options["method"] = "maniskill"
     with pytest.raises(ConfigError, match=r"--method maniskill --frame robot, not .*: remove it"):
         data_commands("PushChair", tmp_path, 2)

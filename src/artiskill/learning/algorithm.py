@@ -64,7 +64,7 @@ class Algorithm(nn.Module, ABC):
 
     Config: ClassVar[type]
     needs_next: ClassVar[bool]
-    end_steps = 0
+    end_steps: int = 0
     optimizers: dict[str, Optimizer]
     action_unit: Tensor
 

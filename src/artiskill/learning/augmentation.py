@@ -2,7 +2,8 @@
 
 A mirrored step is as true as the step itself: world, robot and command, right and left exchanged. A robot with
 one arm, at its side, has no mirror image. The other variations are of what a policy should not care about: how
-large the object is around its handle, which points a sensor happens to give, and how exactly. NumPy only.
+large the object is around its handle, which points a sensor happens to give, and how exactly; and robots may stand
+elsewhere (`learning/displacement.py`). NumPy only.
 """
 
 from collections.abc import Callable
@@ -21,6 +22,7 @@ _TRUNK, _FINGERS, _BASE = 4, 2, 3
 _MIRROR = np.array([1.0, -1.0, 1.0])  # of a place, and a hand's axes: its fingers change places
 _TURN = -_MIRROR  # of an axis that something turns about
 _PANDA = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0])  # its joints, seen in a mirror
+_MOST_DISPLACED = 0.3  # metres, radians: beyond, inverse kinematics does not find where hands shall be
 _HAND_RAD = np.pi / 2  # twice what the hand is turned by against the last joint
 
 
@@ -37,12 +39,14 @@ class AugmentationConfig:
     unmask: float = 0.0  # up to this share of the points is in no mask
     displace: float = 0.0  # share of the steps whose robots stand elsewhere, and are led back
     displace_m: float = 0.06  # standard deviation of where their hands are, in each direction
-    displace_rad: float = 0.2  # that of the hands' rotation vectors
+    displace_rad: float = 0.2  # that of each component of the hands' rotation vectors
 
     def __post_init__(self) -> None:
-        check_not_negative(self, "stretch", "jitter_m", "displace_m", "displace_rad")
+        check_not_negative(self, "stretch", "jitter_m")
         for name in ("mirror", "drop", "unmask", "displace"):
             check_inside(name, getattr(self, name), (0, 1))
+        for name in ("displace_m", "displace_rad"):
+            check_inside(name, getattr(self, name), (0, _MOST_DISPLACED))
 
 
 class Augmentation:
@@ -54,7 +58,8 @@ class Augmentation:
         frame: of the points: `world` or `robot`.
 
     Raises:
-        ConfigError: a robot with one arm has no mirror image.
+        ConfigError: a robot with one arm has no mirror image; or robots with arms that are not commanded shall be
+            displaced.
     """
 
     def __init__(self, config: AugmentationConfig, space: CommandSpace, frame: str) -> None:
@@ -63,7 +68,9 @@ class Augmentation:
                 "augmentation.mirror is for robots with two arms; with one, at its side, it must be 0"
             )
         self.config, self._space = config, space
-        self._displacement = Displacement(space, frame, config.displace_m, config.displace_rad)
+        self._displacement = (
+            Displacement(space, frame, config.displace_m, config.displace_rad) if config.displace else None
+        )
 
     def __call__(
         self, seen: ObservationArrays, labels: np.ndarray, rng: np.random.Generator
@@ -73,7 +80,7 @@ class Augmentation:
         if config.mirror:
             rows = np.flatnonzero(rng.random(count) < config.mirror)
             seen, labels = _varied(rows, self.mirrored, seen, labels)
-        if config.displace:
+        if self._displacement is not None:
             rows = np.flatnonzero(rng.random(count) < config.displace)
             seen, labels = _varied(rows, partial(self._displacement, rng=rng), seen, labels)
         moved, masks, valid = seen.points, seen.masks, seen.valid

@@ -23,7 +23,7 @@ from artiskill.learning.commands import (
     command_space,
     commanding_expert,
 )
-from artiskill.learning.loading import BatchLoader
+from artiskill.learning.loading import BatchLoader, StepSampler
 from artiskill.learning.observation import ObservationArrays
 from artiskill.learning.train_config import TrainConfig, algorithm_config
 from artiskill.learning.trainer import Trainer
@@ -71,14 +71,17 @@ def demonstrated_space(task_name: str, control_mode: str, overrides: Mapping[str
     return command_space(task, controller, GRIP_PHASES)
 
 
-def check_demonstrated(config: TrainConfig, space: CommandSpace, frame: str) -> None:
+def check_demonstrated(config: TrainConfig, space: CommandSpace, training_set: TrainingSet) -> None:
     """Refuse what only shows when batches are made.
 
     Raises:
         ConfigError: points in the frame of the hand, in which base and hands cannot be found; or mirror images
             of a robot that has none.
+        DemoError: some demonstrations are too short to leave their ends out.
     """
-    Augmentation(algorithm_config(config).augmentation, space, frame)
+    values, frame = algorithm_config(config), training_set.manifest.sampling["frame"]
+    Augmentation(values.augmentation, space, frame)
+    StepSampler(training_set, config.seed, end_steps=values.end_steps)
     check(frame != _HAND, f"{config.name} needs points in frame 'robot' or 'world', not {frame!r}")
 
 

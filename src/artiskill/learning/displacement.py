@@ -1,15 +1,16 @@
 """Steps of robots that stand elsewhere than the demonstrator's, and what leads back: correction without an expert.
 
-Demonstrations show few states beside the expert's way, so that what imitates them does not find back to it. The
-robot's kinematics is known, and the cloud shows what stands still. So a step can be told anew with the robot moved
-a little: joints, hands and points follow, and the command is the demonstrated one and a motion back. Hands move
-less near what they work on, where a moved one would stand inside of it; base and posture vary all the same.
-Open hands turn wherever they are: that the fingers lie askew when they close is how a handle is missed. And their
-fingers stand elsewhere now and then, also closed, as after that.
+Demonstrations show few states beside the expert's way, so what imitates them does not find back to it. The robot's
+kinematics is known, and a cloud shows what does not move with the robot. So a step can be told anew with the robot
+moved a little: joints, hands and points follow, and the command is the demonstrated one plus a motion back. Hands
+move less near what they work on, where a moved one would stand inside of it; base and posture vary all the same.
+A single open hand turns wherever it is, as fingers that lie askew when they close miss a handle. Its fingers stand
+elsewhere now and then: after a miss they are closed.
 """
 
 import numpy as np
 
+from artiskill.config import check
 from artiskill.experts.whole_body import TRUNK, Grip
 from artiskill.learning.commands import CommandSpace
 from artiskill.learning.observation import ObservationArrays
@@ -17,13 +18,15 @@ from artiskill.robots.arm_config import load_arm
 from artiskill.robots.kinematics import RobotKinematics, RobotPose
 
 _FINGERS, _BASE, _TWIST = 2, 3, 6
-_SLIDES, _YAW = (0, 1, 3), 2  # of the trunk
+_SLIDES, _YAW, _LIFT = [0, 1, 3], 2, 3  # of the trunk
 _HAND_GAIN_S, _TRUNK_GAIN_S = 3.0, 1.0  # how strongly commands lead back, 1/s
 _FREE_M = 0.25  # hands that are so far from all points move in full
-_BASE_M, _JOINT_RAD = 0.03, 0.06  # standard deviations of base and lift, and of yaw and arms, whatever hands do
-_FINGERS_SHARE = 0.3  # of the open hands, those whose fingers stand elsewhere
-_APART = np.array([1.0, -1.0])  # along the hand's y axis the fingers go outwards
+# standard deviations of base and lift, and of yaw and arms, before all of them move for the hands
+_BASE_M, _JOINT_RAD = 0.03, 0.06
+_OTHER_WIDTHS = 0.3  # share of the open hands whose fingers stand elsewhere
+_OUTWARDS = np.array([1.0, -1.0])  # of the fingers, along the hand's y axis
 _NEWTON_STEPS, _DAMPING = 4, 1e-3
+_NEAR = 0.01  # metres and radians: hands that are so near to where they shall be are there
 _FAR_M = 1e3
 
 
@@ -33,22 +36,28 @@ class Displacement:
     Args:
         space: of the commands.
         frame: of the points: `world` or `robot`.
-        shift_m: standard deviation of where hands are, in each direction.
-        turn_rad: that of their rotation vector.
+        hand_m: standard deviation of where hands are, in each direction.
+        hand_rad: that of each component of their rotation vectors; small, as turns are taken for small.
+
+    Raises:
+        ConfigError: the commands leave an arm of the robot alone.
     """
 
-    def __init__(self, space: CommandSpace, frame: str, shift_m: float, turn_rad: float) -> None:
+    def __init__(self, space: CommandSpace, frame: str, hand_m: float, hand_rad: float) -> None:
         self._space, self._frame = space, frame
-        self._way_std = np.tile(np.repeat((shift_m, turn_rad), 3), space.arms)
         self._kinematics = RobotKinematics(space.robot)
+        mounted = self._kinematics.arms
+        check(space.arms == mounted, f"displace is for commands of all {mounted} arms, not of {space.arms}")
+        self._hand_std = np.tile(np.repeat((hand_m, hand_rad), 3), space.arms)
         self._count = TRUNK + space.arms * self._kinematics.arm_joints
-        self._std = np.full(self._count, _JOINT_RAD)
-        self._std[list(_SLIDES)] = _BASE_M
+        self._joint_std = np.full(self._count, _JOINT_RAD)
+        self._joint_std[_SLIDES] = _BASE_M
         own = self._kinematics.arm_joints + _FINGERS
         arms = [TRUNK + own * arm + np.arange(self._kinematics.arm_joints) for arm in range(space.arms)]
         self._columns = np.concatenate((np.arange(TRUNK), *arms))  # of all joints: those that are moved
         arm = load_arm(space.robot.arm)
-        self._low, self._high = np.tile(np.array([joint.range_rad for joint in arm.joints]).T, space.arms)
+        limits = np.array([joint.range_rad for joint in arm.joints] * space.arms)
+        self._low, self._high = np.concatenate(([space.robot.lift.range_m], limits)).T  # from the lift on
         ends = TRUNK + own * np.arange(1, space.arms + 1)
         self._fingers = ends[:, None] - _FINGERS + np.arange(_FINGERS)  # (A, 2) likewise
         self._open_m = arm.finger.range_m[1]
@@ -56,88 +65,102 @@ class Displacement:
     def __call__(
         self, seen: ObservationArrays, labels: np.ndarray, rng: np.random.Generator
     ) -> tuple[ObservationArrays, np.ndarray]:
-        """Return B steps with robots that are moved: what is seen, and commands (B, V).
+        """Return B steps, at least one, with robots that are moved: what is seen, and commands (B, V).
 
         The robot's own points are missing; velocities, and how the points were chosen, are as they were.
         """
         agent = seen.agent.astype(np.float64)
+        valid = seen.valid & (seen.masks[..., -1] == 0)  # the last mask is the robot's
         pose = self._kinematics.pose(agent, self._space.step_s)
-        jacobian = self._jacobian(pose)
-        drawn = rng.normal(0.0, 1.0, (len(agent), self._count)) * self._std
-        ways = rng.normal(0.0, 1.0, (len(agent), len(self._way_std))) * self._way_std
-        ways *= self._shares(pose, seen, labels)
-        qpos = self._reached(pose, jacobian, drawn, ways)
-        wider = self._move_fingers(qpos, self._are_open(labels), rng)
+        are_free = self._are_free(labels)
+        joints = rng.normal(0.0, 1.0, (len(agent), self._count)) * self._joint_std
+        hands = rng.normal(0.0, 1.0, (len(agent), len(self._hand_std))) * self._hand_std
+        hands *= self._shares(pose, seen.points, valid, are_free)
+        qpos = self._reached(pose, joints, hands)
+        wider = self._move_fingers(qpos, are_free, rng)
         moved = self._with_joints(agent, qpos)
         other = self._kinematics.pose(moved, self._space.step_s)
         count, tips = len(agent), 6 * self._space.arms
         places = agent[:, :tips].reshape(count, self._space.arms, _FINGERS, 3)
-        places = places + (wider * _APART)[..., None] * pose.tool_rotation_w[:, :, None, :, 1]
+        places = places + (wider * _OUTWARDS)[..., None] * pose.tool_rotation_w[:, :, None, :, 1]
         moved[:, :tips] = _carried(places, pose, other).reshape(count, -1)
-        masks, valid = seen.masks, seen.valid
-        if masks.shape[2] > 1:  # the last one is the robot's
-            valid = valid & (masks[..., -1] == 0)
-        points = seen.points if self._frame == "world" else _seen_from(seen.points, qpos, pose.robot_qpos)
-        commands = self._corrected(labels, pose, other)
+        points = seen.points
+        if self._frame != "world":
+            points = _in_base_frame(_in_world_frame(points, pose.robot_qpos), qpos)
         return seen._replace(
             points=points.astype(np.float32), valid=valid, agent=moved.astype(np.float32)
-        ), commands.astype(np.float32)
+        ), self._corrected(labels, pose, other)
 
-    def _jacobian(self, pose: RobotPose) -> np.ndarray:
-        """Return that of the hands, (B, 6 A, n): of each, linear rows first."""
-        arms, each = self._space.arms, self._kinematics.arm_joints
-        axis, anchor = (one[:, self._columns] for one in (pose.robot_joint_axis_w, pose.robot_joint_anchor_w))
-        found = np.zeros((len(axis), arms, 2, 3, self._count))
-        slides = list(_SLIDES)
-        for arm in range(arms):
-            linear, angular = np.cross(axis, pose.tool_position_w[:, arm, None] - anchor), axis.copy()
-            linear[:, slides], angular[:, slides] = axis[:, slides], 0.0
-            others = np.flatnonzero((np.arange(TRUNK, self._count) - TRUNK) // each != arm) + TRUNK
-            linear[:, others], angular[:, others] = 0.0, 0.0
-            found[:, arm, 0], found[:, arm, 1] = linear.swapaxes(1, 2), angular.swapaxes(1, 2)
-        return found.reshape(len(axis), _TWIST * arms, self._count)
-
-    def _shares(self, pose: RobotPose, seen: ObservationArrays, labels: np.ndarray) -> np.ndarray:
-        """Return which share of its way each hand moves, (B, 6 A): less, the nearer it is to what it sees."""
-        tools = pose.tool_position_w
-        if self._frame != "world":
-            tools = _seen_from(tools, pose.robot_qpos)
-        own = seen.valid & (seen.masks[..., -1] == 0) if seen.masks.shape[2] > 1 else seen.valid
-        gaps = np.linalg.norm(tools[:, :, None] - seen.points[:, None], axis=-1)  # (B, A, N)
-        gaps = np.where(own[:, None], gaps, _FAR_M).min(axis=-1)
-        near = np.clip(gaps / _FREE_M, 0.0, 1.0)
-        turning = np.where(self._are_open(labels), 1.0, near)
-        return np.repeat(np.stack((near, turning), axis=2), 3, axis=2).reshape(len(tools), -1)
-
-    def _are_open(self, labels: np.ndarray) -> np.ndarray:
-        """Return which hands are told to open by commands (B, V): (B, A)."""
-        start = self._space.motion_size + self._space.arms
-        found: np.ndarray = labels[:, start : start + self._space.arms] == int(Grip.OPEN)
+    def _are_free(self, labels: np.ndarray) -> np.ndarray:
+        """Return which hands hold nothing, by commands (B, V): (B, A). Of two, open ones may press as well."""
+        start, arms = self._space.motion_size + self._space.arms, self._space.arms
+        found: np.ndarray = (labels[:, start : start + arms] == int(Grip.OPEN)) & (arms == 1)
         return found
 
-    def _move_fingers(self, qpos: np.ndarray, are_open: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Move fingers of some open hands in joints (B, R); return how far each has moved outwards, (B, A, 2)."""
-        drawn, widths = rng.random(are_open.shape), rng.uniform(0.0, self._open_m, are_open.shape)
-        chosen = are_open & (drawn < _FINGERS_SHARE)
+    def _shares(self, pose: RobotPose, points: np.ndarray, valid: np.ndarray, are_free: np.ndarray) -> np.ndarray:
+        """Return which share of its motion each hand makes, (B, 6 A): less, the nearer it is to what it sees."""
+        tools = pose.tool_position_w
+        if self._frame != "world":
+            tools = _in_base_frame(tools, pose.robot_qpos)
+        gaps = np.linalg.norm(tools[:, :, None] - points[:, None], axis=-1)  # (B, A, N)
+        gaps = np.where(valid[:, None], gaps, _FAR_M).min(axis=-1)
+        near = np.clip(gaps / _FREE_M, 0.0, 1.0)
+        turning = np.where(are_free, 1.0, near)
+        return np.repeat(np.stack((near, turning), axis=2), 3, axis=2).reshape(len(tools), -1)
+
+    def _move_fingers(self, qpos: np.ndarray, are_free: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Move fingers of some free hands in joints (B, R); return how far each has moved outwards, (B, A, 2)."""
+        drawn, widths = rng.random(are_free.shape), rng.uniform(0.0, self._open_m, are_free.shape)
+        chosen = are_free & (drawn < _OTHER_WIDTHS)
         before = qpos[:, self._fingers]
         qpos[:, self._fingers] = np.where(chosen[..., None], widths[..., None], before)
         found: np.ndarray = qpos[:, self._fingers] - before
         return found
 
-    def _reached(self, pose: RobotPose, jacobian: np.ndarray, drawn: np.ndarray, ways: np.ndarray) -> np.ndarray:
-        """Return joints (B, R) near those drawn, at which hands have come their ways (B, 6 A)."""
+    def _reached(self, pose: RobotPose, joints: np.ndarray, hands: np.ndarray) -> np.ndarray:
+        """Return joints (B, R) some way off (B, n), at which hands have moved as they shall (B, 6 A).
+
+        Where the lift would leave its range, it stays, and the arms do its part. Robots whose hands do not come
+        there stay as they are.
+        """
+        jacobian = self._jacobian(pose)
+        qpos = self._solved(pose, jacobian, joints, hands)
+        stays = (qpos[:, _LIFT] < self._low[0]) | (qpos[:, _LIFT] > self._high[0])
+        jacobian[stays, :, _LIFT], joints = 0.0, joints.copy()
+        joints[stays, _LIFT] = 0.0
+        qpos = np.where(stays[:, None], self._solved(pose, jacobian, joints, hands), qpos)
+        reached = self._kinematics.pose(self._agent_of(qpos), pose.step_s)
+        missed = np.abs(hands - _hand_motions(pose, reached)).max(axis=1) > _NEAR
+        return np.where(missed[:, None], pose.robot_qpos, qpos)
+
+    def _solved(self, pose: RobotPose, jacobian: np.ndarray, joints: np.ndarray, hands: np.ndarray) -> np.ndarray:
+        """Return joints (B, R) by Newton's method; those of the arms keep their ranges."""
         square = jacobian @ jacobian.swapaxes(1, 2) + _DAMPING * np.eye(jacobian.shape[1])
         inverse = jacobian.swapaxes(1, 2) @ np.linalg.inv(square)
+        arms = self._columns[TRUNK:]
         qpos = np.array(pose.robot_qpos)
-        qpos[:, self._columns] += drawn
-        for step in range(_NEWTON_STEPS + 1):
-            arm = self._columns[TRUNK:]
-            qpos[:, arm] = np.clip(qpos[:, arm], self._low, self._high)
-            if step < _NEWTON_STEPS:
-                there = self._kinematics.pose(self._agent_of(qpos), pose.step_s)
-                left = ways - _ways(pose, there, self._space.arms)
-                qpos[:, self._columns] += (inverse @ left[..., None])[..., 0]
+        qpos[:, self._columns] += joints
+        qpos[:, arms] = np.clip(qpos[:, arms], self._low[1:], self._high[1:])
+        for _ in range(_NEWTON_STEPS):
+            reached = self._kinematics.pose(self._agent_of(qpos), pose.step_s)
+            missing = hands - _hand_motions(pose, reached)
+            qpos[:, self._columns] += (inverse @ missing[..., None])[..., 0]
+            qpos[:, arms] = np.clip(qpos[:, arms], self._low[1:], self._high[1:])
         return qpos
+
+    def _jacobian(self, pose: RobotPose) -> np.ndarray:
+        """Return that of the hands, (B, 6 A, n): of each, linear rows first."""
+        arms, each = self._space.arms, self._kinematics.arm_joints
+        axis, anchor = (one[:, self._columns] for one in (pose.robot_joint_axis_w, pose.robot_joint_anchor_w))
+        owner = np.concatenate((np.full(TRUNK, -1), np.repeat(np.arange(arms), each)))
+        found = np.zeros((len(axis), arms, 2, 3, self._count))
+        for arm in range(arms):
+            linear, angular = np.cross(axis, pose.tool_position_w[:, arm, None] - anchor), axis.copy()
+            linear[:, _SLIDES], angular[:, _SLIDES] = axis[:, _SLIDES], 0.0
+            others = (owner >= 0) & (owner != arm)
+            linear[:, others], angular[:, others] = 0.0, 0.0
+            found[:, arm, 0], found[:, arm, 1] = linear.swapaxes(1, 2), angular.swapaxes(1, 2)
+        return found.reshape(len(axis), _TWIST * arms, self._count)
 
     def _agent_of(self, qpos: np.ndarray) -> np.ndarray:
         """Return proprioception (B, S) of joints at (B, R), of which nothing else is asked."""
@@ -158,38 +181,41 @@ class Displacement:
         twists, trunk = space.motions(labels)
         shape = (count, space.arms, 2, 3)
         world = np.einsum("baij,bakj->baki", pose.tool_rotation_w, twists.reshape(shape))
-        world = world - _HAND_GAIN_S * _ways(pose, other, space.arms).reshape(shape)
+        world = world - _HAND_GAIN_S * _hand_motions(pose, other).reshape(shape)
         twists = np.einsum("baji,bakj->baki", other.tool_rotation_w, world).reshape(count, -1)
         before, after = pose.robot_qpos[:, :TRUNK], other.robot_qpos[:, :TRUNK]
         trunk = _turned(trunk, before[:, _YAW]) - _TRUNK_GAIN_S * (after - before)
-        return space.with_motions(labels, twists, _turned(trunk, -after[:, _YAW]))
+        return space.with_motions(labels, twists, _turned(trunk, -after[:, _YAW])).astype(np.float32)
 
 
-def _ways(pose: RobotPose, other: RobotPose, arms: int) -> np.ndarray:
+def _hand_motions(pose: RobotPose, other: RobotPose) -> np.ndarray:
     """Return how hands have moved and turned, (B, 6 A); turns are small."""
     moved = other.tool_position_w - pose.tool_position_w
     turn = other.tool_rotation_w @ pose.tool_rotation_w.swapaxes(2, 3)  # (B, A, 3, 3)
     skew = (turn - turn.swapaxes(2, 3)) / 2
     angles = np.stack((skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]), axis=-1)
-    return np.stack((moved, angles), axis=2)[:, :arms].reshape(len(moved), -1)
+    return np.stack((moved, angles), axis=2).reshape(len(moved), -1)
 
 
 def _carried(places: np.ndarray, pose: RobotPose, other: RobotPose) -> np.ndarray:
     """Return world points (B, A, K, 3) that have moved with the hands."""
     turn = other.tool_rotation_w @ pose.tool_rotation_w.swapaxes(2, 3)
-    arms = places.shape[1]
-    own = places - pose.tool_position_w[:, :arms, None]
-    return own @ turn[:, :arms].swapaxes(2, 3) + other.tool_position_w[:, :arms, None]
+    offsets = places - pose.tool_position_w[:, :, None]
+    return offsets @ turn.swapaxes(2, 3) + other.tool_position_w[:, :, None]
 
 
-def _seen_from(points: np.ndarray, qpos: np.ndarray, given: np.ndarray | None = None) -> np.ndarray:
-    """Return points (B, N, 3) in the base's frame at joints (B, R), given in the world's, or another base's."""
+def _in_base_frame(points: np.ndarray, qpos: np.ndarray) -> np.ndarray:
+    """Return world points (B, N, 3) as bases see them, of robots with joints at (B, R)."""
     found = points.astype(np.float64)
-    if given is not None:
-        found = _turned(found, given[:, None, _YAW])
-        found[..., :2] += given[:, None, :2]
     found[..., :2] -= qpos[:, None, :2]
     return _turned(found, -qpos[:, None, _YAW])
+
+
+def _in_world_frame(points: np.ndarray, qpos: np.ndarray) -> np.ndarray:
+    """Return points (B, N, 3) in the world, of such that bases see, of robots with joints at (B, R)."""
+    found = _turned(points.astype(np.float64), qpos[:, None, _YAW])
+    found[..., :2] += qpos[:, None, :2]
+    return found
 
 
 def _turned(vectors: np.ndarray, yaw: np.ndarray) -> np.ndarray:

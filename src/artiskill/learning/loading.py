@@ -40,7 +40,13 @@ class StepSampler:
             without = f" without the last {end_steps} of each trajectory" if end_steps else ""
             raise DemoError(f"{str(training_set.folder)!r} has no step to learn from{without}")
         groups = training_set.group_of_trajectory[steps["trajectory"][legal]]
-        counts = np.bincount(groups)
+        counts = np.bincount(groups, minlength=training_set.group_of_trajectory.max() + 1)
+        lost = int((counts == 0).sum()) if end_steps else 0
+        if lost:
+            raise DemoError(
+                f"{str(training_set.folder)!r}: {lost} of {len(counts)} pairs of object and target have no step "
+                f"without the last {end_steps} of each trajectory"
+            )
         self._seed = seed
         self._steps = legal[np.argsort(groups, kind="stable")]  # by group
         self._counts = counts[counts > 0]

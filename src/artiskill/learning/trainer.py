@@ -378,6 +378,7 @@ class SetSource:
 
         Raises:
             ConfigError: these demonstrations tell no commands, or the values do not fit them.
+            DemoError: they are too short to leave their ends out.
         """
         if config.name not in OF_COMMANDS:
             return {}
@@ -385,5 +386,5 @@ class SetSource:
 
         held = self._set.manifest
         space = demonstrated_space(config.task, held.control_mode, held.overrides)
-        check_demonstrated(config, space, held.sampling["frame"])
+        check_demonstrated(config, space, self._set)
         return to_mapping(space)
