@@ -269,6 +269,7 @@ TINY: dict[str, Any] = {
     "algorithm.rollout_steps": 12,
     "algorithm.expert_rounds": 1,
     "algorithm.takeover_steps": [2, 6],
+    "algorithm.augmentation.displace": 0.5,
     "network.point_layers": [8],
     "network.head": [8],
     "steps": 9,
