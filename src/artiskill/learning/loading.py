@@ -33,8 +33,9 @@ class StepSampler:
     """
 
     def __init__(self, training_set: TrainingSet, seed: int, disturbed: bool = False, end_steps: int = 0) -> None:
-        steps = training_set.steps
-        is_legal = _steps_left(steps["trajectory"]) >= end_steps
+        steps, trajectories = training_set.steps, training_set.trajectories
+        ends = (trajectories["first_step"] + trajectories["steps"])[steps["trajectory"]]
+        is_legal = np.arange(len(steps)) < ends - end_steps
         legal = np.flatnonzero(is_legal if disturbed else is_legal & ~steps["disturbed"])
         if not len(legal):
             without = f" without the last {end_steps} of each trajectory" if end_steps else ""
@@ -64,14 +65,6 @@ class StepSampler:
         within = (rng.random(size) * self._counts[groups]).astype(np.int64)
         found: np.ndarray = self._steps[self._starts[groups] + within]
         return found
-
-
-def _steps_left(trajectory: np.ndarray) -> np.ndarray:
-    """Return how many steps follow each in its trajectory, (S,), of their trajectories' numbers."""
-    last, rows = np.zeros(trajectory.max(initial=0) + 1, dtype=np.int64), np.arange(len(trajectory))
-    np.maximum.at(last, trajectory, rows)
-    found: np.ndarray = last[trajectory] - rows
-    return found
 
 
 class _Records(NamedTuple):
