@@ -51,6 +51,25 @@ def test_joints_are_those_of_the_snapshot(seen: tuple[RobotConfig, Snapshot, np.
     np.testing.assert_allclose(qvel, snapshot.robot_qvel, atol=1e-5, rtol=1e-6)
 
 
+def test_joints_at_other_positions_are_read_back(seen: tuple[RobotConfig, Snapshot, np.ndarray]) -> None:
+    robot, _, agent = seen
+    kinematics = RobotKinematics(robot)
+    qpos, qvel = kinematics.joints(agent)
+    other = kinematics.with_joints(agent, qpos + 1.0)
+    np.testing.assert_array_equal(kinematics.joints(other)[0], qpos + 1.0)
+    np.testing.assert_array_equal(kinematics.joints(other)[1], qvel)
+    np.testing.assert_array_equal(kinematics.with_joints(other, qpos), agent)
+
+
+def test_jacobians_of_several_robots_are_those_of_each(seen: tuple[RobotConfig, Snapshot, np.ndarray]) -> None:
+    robot, _, agent = seen
+    kinematics, body = RobotKinematics(robot), WholeBodyController(robot, WholeBodyConfig(), len(robot.mounts))
+    together = body.jacobians(kinematics.pose(agent, 0.05))
+    alone = [body.jacobian(kinematics.pose(one[None], 0.05)) for one in agent]
+    assert together.shape == (COUNT, 6 * len(robot.mounts), body.num_joints)
+    np.testing.assert_array_equal(together, alone)
+
+
 def test_pose_is_that_of_the_engine(seen: tuple[RobotConfig, Snapshot, np.ndarray]) -> None:
     robot, snapshot, agent = seen
     pose = RobotKinematics(robot).pose(agent, snapshot.step_s)

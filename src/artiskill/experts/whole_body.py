@@ -227,16 +227,21 @@ class WholeBodyController:
 
     def jacobian(self, state: RobotState) -> np.ndarray:
         """Geometric Jacobian of the tools' centres, (6 A, n); of each, linear rows first."""
-        axis = state.robot_joint_axis_w[0, self.columns]
-        anchor = state.robot_joint_anchor_w[0, self.columns]
-        parts = []
+        found: np.ndarray = self.jacobians(state)[0]
+        return found
+
+    def jacobians(self, state: RobotState) -> np.ndarray:
+        """Return those of B states, (B, 6 A, n)."""
+        axis = state.robot_joint_axis_w[:, self.columns]
+        anchor = state.robot_joint_anchor_w[:, self.columns]
+        found = np.zeros((len(axis), self.num_joints, len(self._arms), 2, 3))
         for arm in range(len(self._arms)):
-            linear, angular = np.cross(axis, state.tool_position_w[0, arm] - anchor), axis.copy()
-            linear[_SLIDES], angular[_SLIDES] = axis[_SLIDES], 0.0
+            linear, angular = np.cross(axis, state.tool_position_w[:, arm, None] - anchor), axis.copy()
+            linear[:, _SLIDES], angular[:, _SLIDES] = axis[:, _SLIDES], 0.0
             for other in self._arms[:arm] + self._arms[arm + 1 :]:
-                linear[other], angular[other] = 0.0, 0.0
-            parts += [linear.T, angular.T]
-        return np.concatenate(parts)
+                linear[:, other], angular[:, other] = 0.0, 0.0
+            found[:, :, arm, 0], found[:, :, arm, 1] = linear, angular
+        return found.reshape(len(axis), self.num_joints, -1).swapaxes(1, 2)
 
 
 @dataclass(frozen=True, eq=False)

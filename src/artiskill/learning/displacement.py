@@ -11,13 +11,13 @@ elsewhere now and then: after a miss they are closed.
 import numpy as np
 
 from artiskill.config import check
-from artiskill.experts.whole_body import TRUNK, Grip
+from artiskill.experts.whole_body import TRUNK, Grip, WholeBodyController
 from artiskill.learning.commands import CommandSpace
 from artiskill.learning.observation import ObservationArrays
 from artiskill.robots.arm_config import load_arm
 from artiskill.robots.kinematics import RobotKinematics, RobotPose
 
-_FINGERS, _BASE, _TWIST = 2, 3, 6
+_FINGERS = 2
 _SLIDES, _YAW, _LIFT = [0, 1, 3], 2, 3  # of the trunk
 _HAND_GAIN_S, _TRUNK_GAIN_S = 3.0, 1.0  # how strongly commands lead back, 1/s
 _FREE_M = 0.25  # hands that are so far from all points move in full
@@ -49,17 +49,12 @@ class Displacement:
         mounted = self._kinematics.arms
         check(space.arms == mounted, f"displace is for commands of all {mounted} arms, not of {space.arms}")
         self._hand_std = np.tile(np.repeat((hand_m, hand_rad), 3), space.arms)
-        self._count = TRUNK + space.arms * self._kinematics.arm_joints
-        self._joint_std = np.full(self._count, _JOINT_RAD)
+        self._body = WholeBodyController(space.robot, space.whole_body, space.arms)
+        self._joint_std = np.full(self._body.num_joints, _JOINT_RAD)
         self._joint_std[_SLIDES] = _BASE_M
-        own = self._kinematics.arm_joints + _FINGERS
-        arms = [TRUNK + own * arm + np.arange(self._kinematics.arm_joints) for arm in range(space.arms)]
-        self._columns = np.concatenate((np.arange(TRUNK), *arms))  # of all joints: those that are moved
         arm = load_arm(space.robot.arm)
         limits = np.array([joint.range_rad for joint in arm.joints] * space.arms)
         self._low, self._high = np.concatenate(([space.robot.lift.range_m], limits)).T  # from the lift on
-        ends = TRUNK + own * np.arange(1, space.arms + 1)
-        self._fingers = ends[:, None] - _FINGERS + np.arange(_FINGERS)  # (A, 2) likewise
         self._open_m = arm.finger.range_m[1]
 
     def __call__(
@@ -73,13 +68,13 @@ class Displacement:
         valid = seen.valid & (seen.masks[..., -1] == 0)  # the last mask is the robot's
         pose = self._kinematics.pose(agent, self._space.step_s)
         are_free = self._are_free(labels)
-        joints = rng.normal(0.0, 1.0, (len(agent), self._count)) * self._joint_std
+        joints = rng.normal(0.0, 1.0, (len(agent), self._body.num_joints)) * self._joint_std
         hands = rng.normal(0.0, 1.0, (len(agent), len(self._hand_std))) * self._hand_std
         hands *= self._shares(pose, seen.points, valid, are_free)
         qpos = self._reached(pose, joints, hands)
         wider = self._move_fingers(qpos, are_free, rng)
-        moved = self._with_joints(agent, qpos)
-        other = self._kinematics.pose(moved, self._space.step_s)
+        moved = self._kinematics.with_joints(agent, qpos)
+        other = self._kinematics.pose_at(qpos, self._space.step_s)
         count, tips = len(agent), 6 * self._space.arms
         places = agent[:, :tips].reshape(count, self._space.arms, _FINGERS, 3)
         places = places + (wider * _OUTWARDS)[..., None] * pose.tool_rotation_w[:, :, None, :, 1]
@@ -112,9 +107,10 @@ class Displacement:
         """Move fingers of some free hands in joints (B, R); return how far each has moved outwards, (B, A, 2)."""
         drawn, widths = rng.random(are_free.shape), rng.uniform(0.0, self._open_m, are_free.shape)
         chosen = are_free & (drawn < _OTHER_WIDTHS)
-        before = qpos[:, self._fingers]
-        qpos[:, self._fingers] = np.where(chosen[..., None], widths[..., None], before)
-        found: np.ndarray = qpos[:, self._fingers] - before
+        columns = self._body.finger_columns
+        before = qpos[:, columns]
+        qpos[:, columns] = np.where(chosen[..., None], widths[..., None], before)
+        found: np.ndarray = qpos[:, columns] - before
         return found
 
     def _reached(self, pose: RobotPose, joints: np.ndarray, hands: np.ndarray) -> np.ndarray:
@@ -123,13 +119,13 @@ class Displacement:
         Where the lift would leave its range, it stays, and the arms do its part. Robots whose hands do not come
         there stay as they are.
         """
-        jacobian = self._jacobian(pose)
+        jacobian = self._body.jacobians(pose)
         qpos = self._solved(pose, jacobian, joints, hands)
         stays = (qpos[:, _LIFT] < self._low[0]) | (qpos[:, _LIFT] > self._high[0])
         jacobian[stays, :, _LIFT], joints = 0.0, joints.copy()
         joints[stays, _LIFT] = 0.0
         qpos = np.where(stays[:, None], self._solved(pose, jacobian, joints, hands), qpos)
-        reached = self._kinematics.pose(self._agent_of(qpos), pose.step_s)
+        reached = self._kinematics.pose_at(qpos, pose.step_s)
         missed = np.abs(hands - _hand_motions(pose, reached)).max(axis=1) > _NEAR
         return np.where(missed[:, None], pose.robot_qpos, qpos)
 
@@ -137,43 +133,16 @@ class Displacement:
         """Return joints (B, R) by Newton's method; those of the arms keep their ranges."""
         square = jacobian @ jacobian.swapaxes(1, 2) + _DAMPING * np.eye(jacobian.shape[1])
         inverse = jacobian.swapaxes(1, 2) @ np.linalg.inv(square)
-        arms = self._columns[TRUNK:]
+        arms = self._body.columns[TRUNK:]
         qpos = np.array(pose.robot_qpos)
-        qpos[:, self._columns] += joints
+        qpos[:, self._body.columns] += joints
         qpos[:, arms] = np.clip(qpos[:, arms], self._low[1:], self._high[1:])
         for _ in range(_NEWTON_STEPS):
-            reached = self._kinematics.pose(self._agent_of(qpos), pose.step_s)
+            reached = self._kinematics.pose_at(qpos, pose.step_s)
             missing = hands - _hand_motions(pose, reached)
-            qpos[:, self._columns] += (inverse @ missing[..., None])[..., 0]
+            qpos[:, self._body.columns] += (inverse @ missing[..., None])[..., 0]
             qpos[:, arms] = np.clip(qpos[:, arms], self._low[1:], self._high[1:])
         return qpos
-
-    def _jacobian(self, pose: RobotPose) -> np.ndarray:
-        """Return that of the hands, (B, 6 A, n): of each, linear rows first."""
-        arms, each = self._space.arms, self._kinematics.arm_joints
-        axis, anchor = (one[:, self._columns] for one in (pose.robot_joint_axis_w, pose.robot_joint_anchor_w))
-        owner = np.concatenate((np.full(TRUNK, -1), np.repeat(np.arange(arms), each)))
-        found = np.zeros((len(axis), arms, 2, 3, self._count))
-        for arm in range(arms):
-            linear, angular = np.cross(axis, pose.tool_position_w[:, arm, None] - anchor), axis.copy()
-            linear[:, _SLIDES], angular[:, _SLIDES] = axis[:, _SLIDES], 0.0
-            others = (owner >= 0) & (owner != arm)
-            linear[:, others], angular[:, others] = 0.0, 0.0
-            found[:, arm, 0], found[:, arm, 1] = linear.swapaxes(1, 2), angular.swapaxes(1, 2)
-        return found.reshape(len(axis), _TWIST * arms, self._count)
-
-    def _agent_of(self, qpos: np.ndarray) -> np.ndarray:
-        """Return proprioception (B, S) of joints at (B, R), of which nothing else is asked."""
-        size = 12 * self._kinematics.arms + 2 * qpos.shape[1]
-        return self._with_joints(np.zeros((len(qpos), size)), qpos)
-
-    def _with_joints(self, agent: np.ndarray, qpos: np.ndarray) -> np.ndarray:
-        """Return proprioception (B, S) with joints at (B, R), see `RobotKinematics.joints`."""
-        found, tips = agent.copy(), 12 * self._kinematics.arms
-        found[:, tips : tips + _BASE] = qpos[:, :_BASE]
-        start = tips + 2 * _BASE
-        found[:, start : start + qpos.shape[1] - _BASE] = qpos[:, _BASE:]
-        return found
 
     def _corrected(self, labels: np.ndarray, pose: RobotPose, other: RobotPose) -> np.ndarray:
         """Return commands (B, V) that lead back to where the robots were while they do what they did."""

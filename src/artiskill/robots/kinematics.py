@@ -75,6 +75,14 @@ class RobotKinematics:
         qvel = xp.concat((agent[:, tips + _BASE : start], agent[:, start + others :]), axis=1)
         return qpos, qvel
 
+    def with_joints(self, agent: np.ndarray, qpos: np.ndarray) -> np.ndarray:
+        """Return proprioception (B, S) with joints at other positions (B, R), and all else as it was."""
+        found, tips = agent.copy(), 12 * self.arms
+        start = tips + 2 * _BASE
+        found[:, tips : tips + _BASE] = qpos[:, :_BASE]
+        found[:, start : start + qpos.shape[1] - _BASE] = qpos[:, _BASE:]
+        return found
+
     def tools(self, qpos: Array) -> tuple[Array, Array]:
         """Return where the hands are in the base's frame: (B, A, 3) and (B, A, 3, 3), of joints at (B, R).
 
@@ -90,7 +98,10 @@ class RobotKinematics:
             agent: (B, S) proprioception.
             step_s: duration of one environment step.
         """
-        qpos, _ = self.joints(agent)
+        return self.pose_at(self.joints(agent)[0], step_s)
+
+    def pose_at(self, qpos: np.ndarray, step_s: float) -> RobotPose:
+        """Return what `pose` does, of joints at (B, R)."""
         chain = self._chain(qpos)
         count, hand = len(qpos), chain[-1]
         anchors, axes = (np.zeros((count, qpos.shape[1], 3)) for _ in range(2))
