@@ -14,6 +14,7 @@ import numpy as np
 from artiskill.config import check_not_negative, check_positive
 from artiskill.envs.control import ActionScale, action_scale
 from artiskill.geometry.arrays import Array
+from artiskill.geometry.rotations import cross
 from artiskill.robots.arm_config import load_arm
 from artiskill.robots.config import RobotConfig
 
@@ -236,7 +237,7 @@ class WholeBodyController:
         anchor = state.robot_joint_anchor_w[:, self.columns]
         found = np.zeros((len(axis), self.num_joints, len(self._arms), 2, 3))
         for arm in range(len(self._arms)):
-            linear, angular = np.cross(axis, state.tool_position_w[:, arm, None] - anchor), axis.copy()
+            linear, angular = cross(axis, state.tool_position_w[:, arm, None] - anchor, np), axis.copy()
             linear[:, _SLIDES], angular[:, _SLIDES] = axis[:, _SLIDES], 0.0
             for other in self._arms[:arm] + self._arms[arm + 1 :]:
                 linear[:, other], angular[:, other] = 0.0, 0.0
