@@ -21,7 +21,7 @@ from artiskill.demos.demos import Demos
 from artiskill.errors import ConfigError, PolicyError, RunError
 from artiskill.learning import reinforcement
 from artiskill.learning.checkpoints import read_content
-from artiskill.learning.reinforcement import reinforce
+from artiskill.learning.reinforcement import Run, reinforce
 from artiskill.learning.reinforcement_config import load_reinforcement_config
 from artiskill.learning.reinforcement_models import load_model_state, model_state
 from artiskill.learning.run import BEST, LATEST, load_run
@@ -132,6 +132,26 @@ def test_numbers_that_are_not_finite_are_not_saved(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="not finite"):
         run.save()
     assert sorted((tmp_path / "run/checkpoints").iterdir()) == files
+
+
+def test_a_run_ends_once_all_is_solved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    solved = iter([2, 1, 2, 2, 2])  # of two episodes, every 80 steps
+    monkeypatch.setattr(Run, "evaluate", lambda run: [(OBJECT, 2, next(solved))])
+    changes = {"steps": 480, "evaluation.every": 80, "evaluation.stop_after": 2}
+    state = reinforce(tiny("sac", **changes), tmp_path / "run").state
+    assert (state.step, state.best_step, state.developed) == (320, 320, 320)
+    assert reinforce(tiny("sac", **changes), tmp_path / "run").state.step == 320  # it has ended
+    changes["evaluation.stop_after"] = 3
+    assert reinforce(tiny("sac", **changes), tmp_path / "run").state.step == 400  # goes on, to the third in a row
+
+
+def test_critics_with_layer_norm(tmp_path: Path) -> None:
+    plain, normed = (
+        reinforce(tiny("sac", **{"algorithm.layer_norm": one}), tmp_path / str(one)) for one in (False, True)
+    )
+    count = [sum(leaf.numel() for leaf in model_state(run.model)["qf_state"]) for run in (plain, normed)]
+    assert count[1] > count[0]
+    assert not equal(weights(tmp_path / "False"), weights(tmp_path / "True"))
 
 
 def test_the_policy_acts_as_the_library_does(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ import pickle
 import random
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -52,14 +53,8 @@ _LIBRARIES = ("torch", "stable_baselines3", "sbx-rl", "jax", "jaxlib", "flax", "
 _NOT_LOGGED = ("n_updates", "learning_rate", "ent_coef_loss")  # a count; configured; not finite of a constant
 _CLIP = 10.0  # of normalised observations
 _BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
-_COUNTERS = (
-    "num_timesteps",
-    "_n_updates",
-    "_episode_num",
-    "_last_obs",
-    "_last_original_obs",
-    "_last_episode_starts",
-)
+_COUNTERS: tuple[str, ...] = ("num_timesteps", "_n_updates", "_episode_num")
+_COUNTERS += ("_last_obs", "_last_original_obs", "_last_episode_starts")
 
 
 def reinforce(
@@ -144,6 +139,10 @@ def _prepare(config: ReinforcementConfig, folder: Path) -> RunInfo:
     return info
 
 
+class _Solved(Exception):  # noqa: N818 - no error
+    """Leaves the library's loop: measurements say that all is solved."""
+
+
 class _Scaled(gym.vector.VectorWrapper[Any, Any, Any, Any, Any]):
     """Scales rewards, and measures how long the environments take."""
 
@@ -198,6 +197,7 @@ class Run:
     def lines(self) -> list[str]:
         """What will be trained."""
         config, measured = self.config, self.config.evaluation
+        ends = measured.stop_after
         objects = self.info.objects
         named = f"{len(objects)} objects" if len(objects) > 1 else objects[0]
         target = f", {config.target}" if config.target else ""
@@ -205,7 +205,7 @@ class Run:
             f"{config.name}, {config.task}: {named}{target}, from the state",
             f"{config.envs} environments, {config.steps} steps; {count_parameters(self.model)} parameters",
             f"success in {measured.episodes} episodes on new levels every {measured.every} steps chooses the "
-            "checkpoint",
+            "checkpoint" + (f"; {ends} times all of them in a row end the run" if ends else ""),
         ]
 
     def _make_env(self, count: int, is_evaluation: bool) -> ManipulationVectorEnv:
@@ -224,7 +224,7 @@ class Run:
     # -- the loop ------------------------------------------------------------------------------------------------
 
     def train(self, on_step: OnStep = lambda step, text: None) -> None:
-        """Train until the configuration's number of steps.
+        """Train until the configuration's number of steps, or until measurements say that all is solved.
 
         Raises:
             OSError: a file cannot be written.
@@ -232,12 +232,13 @@ class Run:
         """
         with self._stop, Records(self._folder, self.state, True) as records:
             loop = _Loop(self, records, on_step)
-            if self.state.step < self.config.steps:
+            if self.state.step < self.config.steps and not self.is_solved:
                 loop.begin()
-                self.model.learn(
-                    self.config.steps - self.state.step, loop, log_interval=None, reset_num_timesteps=False
-                )
-                loop.end_iteration()
+                with suppress(_Solved):
+                    self.model.learn(
+                        self.config.steps - self.state.step, loop, log_interval=None, reset_num_timesteps=False
+                    )
+                    loop.end_iteration()
             if self.state.developed < self.state.step:
                 self.develop(records)
             if self._saved_step != self.state.step:
@@ -248,11 +249,17 @@ class Run:
         found = self.evaluate()
         successes = sum(row[2] for row in found)
         self.state.developed = self.state.step
+        self.state.all_solved = self.state.all_solved + 1 if successes == self.config.evaluation.episodes else 0
         if successes >= self.state.best_successes:  # of equal ones the latest
             self.state.best_step, self.state.best_successes = self.state.step, successes
             write_content(self._folder / BEST, {"state": dict(vars(self.state)), "acting": self.acting})
         records.add_development(self.state, found)
         self.save()
+
+    @property
+    def is_solved(self) -> bool:
+        """Whether as many measurements in a row as the configuration asks for solved every episode."""
+        return 0 < self.config.evaluation.stop_after <= self.state.all_solved
 
     def evaluate(self) -> list[tuple[str, int, int]]:
         """Return a row of object, episodes and successes each, of deterministic actions on new levels."""
@@ -426,6 +433,8 @@ class _Loop(BaseCallback):
             if run._saved_step != state.step:
                 run.save()
             raise KeyboardInterrupt(f"interrupted after step {state.step}, which is saved")
+        if run.is_solved:
+            raise _Solved
         self.begin()
 
     def _log(self) -> None:

@@ -35,6 +35,7 @@ class SACConfig:
     learning_rate: float
     gamma: float  # discount of a step
     net_arch: tuple[int, ...]  # sizes of hidden layers, of the policy and of each critic
+    layer_norm: bool  # after each hidden layer of the critics
     batch_size: int
     buffer_size: int  # steps of all environments
     learning_starts: int  # random steps before the first update
@@ -105,9 +106,11 @@ class EvaluationConfig:
     episodes: int  # in all, shared by the objects
     first_level: int
     every: int  # steps
+    stop_after: int  # measurements in a row that solve every episode end the run; 0: only its steps do
 
     def __post_init__(self) -> None:
         check_positive(self, "episodes", "every")
+        check_not_negative(self, "stop_after")
         check_level(self.first_level)
         check_level(self.first_level + self.episodes - 1)
 
@@ -151,9 +154,10 @@ class ReinforcementConfig:
         return from_mapping(REINFORCEMENT[self.name], self.algorithm, "algorithm")
 
     def check_continues(self, other: "ReinforcementConfig", folder: Path) -> None:
-        """Raise `RunError` if a run with these values cannot go on with other ones, but for more steps."""
+        """Raise `RunError` if a run with these values cannot go on with other ones, but for a later end."""
         ours, theirs = to_mapping(self), to_mapping(other)
         theirs["steps"] = min(ours["steps"], theirs["steps"])
+        theirs["evaluation"]["stop_after"] = ours["evaluation"]["stop_after"]
         check_same_values(ours, theirs, folder)
 
 

@@ -46,6 +46,8 @@ def make_model(config: ReinforcementConfig, env: Any, kinds: Mapping[str, Any] =
     """
     values = dict(vars(config.values))
     policy: dict[str, Any] = {"net_arch": list(values.pop("net_arch"))}
+    if values.pop("layer_norm", False):
+        policy["layer_norm"] = True  # an option of SBX alone
     if config.name == "ppo":  # first actions are near 0, as Stable-Baselines3 has it
         policy |= {"log_std_init": values.pop("log_std_init"), "ortho_init": True}
     if not isinstance(values["ent_coef"], str):
