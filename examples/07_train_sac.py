@@ -19,9 +19,12 @@ NEW_LEVELS = range(1_000_000, 1_000_100)  # to measure on; training draws its le
 LOG_2 = float(np.log(2.0))
 
 
-def mlp(inputs: int, outputs: int) -> nn.Sequential:
+def mlp(inputs: int, outputs: int, norm: bool = False) -> nn.Sequential:
+    first, second = (nn.LayerNorm(256) if norm else nn.Identity() for _ in range(2))
     return nn.Sequential(
-        nn.Linear(inputs, 256), nn.ReLU(), nn.Linear(256, 256), nn.ReLU(), nn.Linear(256, outputs)
+        *(nn.Linear(inputs, 256), first, nn.ReLU()),
+        *(nn.Linear(256, 256), second, nn.ReLU()),
+        nn.Linear(256, outputs),
     )
 
 
@@ -113,7 +116,8 @@ def main() -> None:
     rng = np.random.default_rng(arguments.seed)
     env = make_env(arguments, arguments.envs, False)
     states, actions = env.single_observation_space.shape[0], env.single_action_space.shape[0]
-    actor, critics = mlp(states, 2 * actions), nn.ModuleList(mlp(states + actions, 1) for _ in range(2))
+    actor = mlp(states, 2 * actions)
+    critics = nn.ModuleList(mlp(states + actions, 1, norm=True) for _ in range(2))  # normalised ones learn faster
     targets = copy.deepcopy(critics).requires_grad_(False)
     log_alpha = torch.tensor(np.log(0.1), dtype=torch.float32, requires_grad=True)
     optimizers = [

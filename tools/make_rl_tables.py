@@ -35,6 +35,7 @@ CSV_HEAD += ["measured on", "episodes", "successes"]
 KEY = [*CSV_HEAD[:6], "measured on"]
 STATES = {MANY: "with the handle", PLAIN: "the paper's"}
 FIRST_LEVEL = 1_000_000  # training draws from 2^31
+BATCH = 256  # of `sac` with many cabinets, of which each is then met in most batches
 EPISODES = {ONE: 100, MANY: 10, PLAIN: 10}  # on each object
 # where the algorithm's default is not enough
 STEPS = {("sac", "OpenCabinetDoor"): 360_000, ("sac", "PushChair"): 400_000, ("sac", "MoveBucket"): 400_000}
@@ -97,7 +98,7 @@ def make_parser() -> argparse.ArgumentParser:
     )
     add("--algorithm", choices=("sac", "ppo"), default="sac", help="(default: %(default)s)")
     add("--seeds", nargs="+", type=int, default=[0, 1, 2], help="(default: 0 1 2)")
-    add("--steps", type=int, help="of each policy (default: `STEPS`, else the algorithm's)")
+    add("--steps", type=int, help="of each policy (default: `STEPS` of this script, else the algorithm's)")
     add("--set", nargs="+", default=[], metavar="KEY=VALUE", help="as `artiskill train` takes it")
     add("--jobs", type=int, default=available_cores(), help="policies at once, a core each (default: all cores)")
     return parser
@@ -148,7 +149,8 @@ def train_command(policy: Policy, options: argparse.Namespace) -> list[str]:
     command += ["--target", policy.target] if policy.target else []
     steps = options.steps or STEPS.get((policy.algorithm, policy.task))
     command += ["--steps", str(steps)] if steps else []
-    values = [*([HANDLE] if policy.table == MANY else []), *options.set]
+    of_many = [] if policy.table == ONE else [f"algorithm.batch_size={BATCH}"] * (policy.algorithm == "sac")
+    values = [*([HANDLE] if policy.table == MANY else []), *of_many, *options.set]
     return command + (["--set", *values] if values else [])
 
 
