@@ -1,9 +1,10 @@
 """Make the tables of reinforcement learning anew: `python tools/make_rl_tables.py --jobs 2`.
 
-`one`: a policy per object and seed. `many`: one over 1, 5, 10, 20 or 25 cabinets, whose state says where the
-handle is; `plain`: likewise with the paper's state. Each is trained, then measured on new levels, by commands of
-`artiskill` that are printed. Whatever ends this script, the same command goes on. Finished runs stay in
-docs/data/reinforcement.csv, also without the work folder; the tables are made from it.
+`one`: a policy per object and seed. `many`: one over 1, 5, 10, 20 or 25 cabinets. Their states say where handles
+are (`state.handle`) and how hands lie at free objects (`state.relative`); `plain` is `many` with the state of the
+paper. Each is trained, then measured on new levels, by printed commands of `artiskill`. Whatever ends this
+script, the same command goes on. Finished runs stay in docs/data/reinforcement.csv, also without the work folder;
+the tables are made from it.
 """
 
 import argparse
@@ -27,7 +28,8 @@ PAGE, EXPERTS = DOCS / "reinforcement_learning.md", DOCS / "data" / "experts.csv
 TABLE = Path("data", "reinforcement.csv")  # beside the page
 BEGIN, END = "<!-- made by tools/make_rl_tables.py -->", "<!-- end of the tables -->"
 ONE, MANY, PLAIN = TABLES = ("one", "many", "plain")
-HANDLE = "config.state.handle=true"
+HANDLE, RELATIVE = "config.state.handle=true", "config.state.relative=true"
+CABINETS = ("OpenCabinetDoor", "OpenCabinetDrawer")
 COUNTS, MANY_TASK = (1, 5, 10, 20, 25), "OpenCabinetDrawer"
 PAPER_MANY = {1: "100 %", 5: "82 %", 10: "2 %", 20: "0 %"}  # the ManiSkill paper, SAC, 10^6 steps
 CSV_HEAD = ["table", "task", "objects", "target", "algorithm", "seed", "steps", "minutes"]
@@ -149,8 +151,10 @@ def train_command(policy: Policy, options: argparse.Namespace) -> list[str]:
     command += ["--target", policy.target] if policy.target else []
     steps = options.steps or STEPS.get((policy.algorithm, policy.task))
     command += ["--steps", str(steps)] if steps else []
-    of_many = [] if policy.table == ONE else [f"algorithm.batch_size={BATCH}"] * (policy.algorithm == "sac")
-    values = [*([HANDLE] if policy.table == MANY else []), *of_many, *options.set]
+    told = HANDLE if policy.task in CABINETS else RELATIVE
+    values = [told] if policy.table != PLAIN else []
+    values += [f"algorithm.batch_size={BATCH}"] if policy.table != ONE and policy.algorithm == "sac" else []
+    values += options.set
     return command + (["--set", *values] if values else [])
 
 

@@ -22,7 +22,12 @@ import artiskill
 ONCE_UNLIKE = ("chair-0004", "chair-0023", "chair-0028", "chair-0032", "chair-0033", "chair-0034")
 RECORDED = Path(__file__).with_name("digests.json")
 # whose states say where the handle is
-HANDLES = {"OpenCabinetDoor": "cabinet-0064", "OpenCabinetDrawer": "cabinet-0002"}
+TOLD_MORE = {
+    "OpenCabinetDoor": ("cabinet-0064", "state.handle"),
+    "OpenCabinetDrawer": ("cabinet-0002", "state.handle"),
+    "PushChair": ("chair-0004", "state.relative"),
+    "MoveBucket": ("bucket-0016", "state.relative"),
+}
 STEPS = {"state": 25, "pointcloud": 4, "rgbd": 4}
 
 Episode = tuple[str, str, str, str]  # task, object, obs_mode, control_mode
@@ -54,9 +59,9 @@ def digests(objects: list[str], episodes: list[Episode]) -> dict[str, str]:
     found = {"object " + one: digest(artiskill.load_object(one)) for one in objects}
     for episode in episodes:
         found |= {f"{what} of {' '.join(episode)}": value for what, value in played(*episode).items()}
-    for task, object_id in HANDLES.items():
-        told = played(task, object_id, "state", "joint", {"state.handle": True})
-        found[f"observations of {task} {object_id} state.handle"] = told["observations"]
+    for task, (object_id, key) in TOLD_MORE.items():
+        told = played(task, object_id, "state", "joint", {key: True})
+        found[f"observations of {task} {object_id} {key}"] = told["observations"]
     return found
 
 

@@ -1,16 +1,18 @@
-"""Fingertips' distances to surfaces: the kernel, its definition, and a brute-force answer."""
+"""Fingertips at surfaces: the kernel, its definition, and a brute-force answer; states that say where they are."""
 
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
 from artiskill.assets.catalog import load_object
+from artiskill.errors import ConfigError
 from artiskill.geometry.rotations import quat_to_matrix
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.free_object import (
     SURFACE_POINTS,
     fingertip_distance,
-    fingertip_distance_reference,
+    fingertip_gaps,
+    fingertip_gaps_reference,
     surface_samples,
 )
 from artiskill.tasks.registry import make_task
@@ -42,6 +44,37 @@ def test_distance_is_that_of_the_nearest_point(instant: tuple[Snapshot, object])
     brute = cKDTree(in_world).query(snapshot.fingertip_position_w[0])[0].mean()
     found = fingertip_distance(snapshot, goal)
     assert found[0] == pytest.approx(brute, abs=1e-12)
-    links = snapshot.link_position_w, snapshot.link_rotation_w
-    defined = fingertip_distance_reference(snapshot.fingertip_position_w, *links, goal)
-    assert found[0] == pytest.approx(defined[0], abs=1e-12)
+    gaps = fingertip_gaps(snapshot, goal)
+    assert np.linalg.norm(gaps[0], axis=1).mean() == pytest.approx(brute, abs=1e-12)
+    np.testing.assert_allclose(gaps, fingertip_gaps_reference(snapshot, goal), atol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "object_id"), [("PushChair", CHAIR), ("MoveBucket", "bucket-0016")])
+def test_the_state_may_say_how_the_hands_lie_at_the_object(play, name: str, object_id: str) -> None:
+    """All is in the base frame, and comes before the robot's 68 numbers."""
+    task, plain = make_task(name, {"state.relative": True}), make_task(name)
+    snapshot, goal = play(task, object_id, 5)
+    seen, usual = task.observe_state(snapshot, goal)[0], plain.observe_state(snapshot, goal)[0]
+    props = snapshot.prop_position_w.shape[1]
+    assert len(seen) == sum(field.size for field in task.state_fields) == len(usual) + 39 + 3 * props
+    np.testing.assert_array_equal(seen[: len(usual) - 68], usual[:-68])
+    np.testing.assert_array_equal(seen[-68:], usual[-68:])
+    x, y, yaw = snapshot.robot_qpos[0, :3]
+    turn = np.array(((np.cos(yaw), -np.sin(yaw), 0), (np.sin(yaw), np.cos(yaw), 0), (0, 0, 1)))
+    vectors = seen[len(usual) - 68 : -68].reshape(-1, 3) @ turn.T  # in the world's axes
+    expected = {
+        "target": np.array(((-x, -y, 0),)),
+        "root": snapshot.link_position_w[0, :1] - (x, y, 0),
+        "axes": snapshot.link_rotation_w[0, 0].T[[0, 2]],
+        "velocity": snapshot.root_velocity_w[0, None, :3],
+        "props": snapshot.prop_position_w[0] - (x, y, 0),
+        "gaps": fingertip_gaps(snapshot, goal)[0],
+        "hands": snapshot.tool_rotation_w[0].transpose(2, 0, 1)[[2, 1]].reshape(-1, 3),
+    }
+    np.testing.assert_allclose(vectors, np.concatenate(list(expected.values())), atol=1e-5)
+    with pytest.raises(ConfigError, match="relative"):
+        make_task("OpenCabinetDoor", {"state.relative": True})
+
+
+def test_torch_gives_the_same_relative_state(instant: tuple[Snapshot, object], assert_torch_agrees) -> None:
+    assert_torch_agrees(make_task("PushChair", {"state.relative": True}), *instant)

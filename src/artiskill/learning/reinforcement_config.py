@@ -40,12 +40,13 @@ class SACConfig:
     buffer_size: int  # steps of all environments
     learning_starts: int  # random steps before the first update
     gradient_steps: int  # after each step of all environments
+    n_steps: int  # whose rewards a target adds up
     tau: float  # by which target networks follow
     ent_coef: float | str  # `auto`, or `auto_0.1` to begin with 0.1
     target_entropy: float | str  # `auto`: minus the size of an action
 
     def __post_init__(self) -> None:
-        check_positive(self, "learning_rate", "batch_size", "buffer_size", "gradient_steps", "tau")
+        check_positive(self, "learning_rate", "batch_size", "buffer_size", "gradient_steps", "n_steps", "tau")
         check_not_negative(self, "learning_starts")
         _check_shared(self.gamma, self.net_arch)
         if not isinstance(self.ent_coef, str):

@@ -8,7 +8,7 @@ import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.config import check_not_negative, check_positive
-from artiskill.geometry.arrays import Array, amin, arccos, clip, dot, namespace, norm, rotate, total
+from artiskill.geometry.arrays import Array, arccos, clip, dot, namespace, norm, rotate, total
 from artiskill.geometry.kernel import allocating_kernel
 from artiskill.geometry.meshes import sample_surface, triangle_areas
 from artiskill.scene.scene import Scene
@@ -22,6 +22,7 @@ SAFELY_NEAR = 0.95
 MASK_NAMES = ("robot",)
 SURFACE_POINTS = 800  # on a chair, some 4 cm apart
 _CACHED_OBJECTS = 256
+_FAR_M = 20.0
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,17 @@ class StandingConfig:
     def __post_init__(self) -> None:
         check_positive(self, "near_m", "max_tilt_rad", "max_speed_m_s", "max_angular_speed_rad_s")
         check_not_negative(self, "hold_s")
+
+
+@dataclass(frozen=True)
+class FreeObjectStateConfig:
+    """What the state vector says beyond the paper's.
+
+    Attributes:
+        relative: where target, object and hands are, as the robot's base sees them: see `relative_fields`.
+    """
+
+    relative: bool = False
 
 
 def arrival_stages(braking: str, arrived: str, asks: tuple[str, ...]) -> tuple[Stage, Stage]:
@@ -124,29 +136,76 @@ class ObjectPose:
         return slow & (self.angular_speed_rad_s <= config.max_angular_speed_rad_s)
 
 
-def free_object_fields(max_joints: int, arms: int, props: tuple[str, ...] = ()) -> tuple[ObservationField, ...]:
+def free_object_fields(
+    max_joints: int, arms: int, state: FreeObjectStateConfig, props: tuple[str, ...] = ()
+) -> tuple[ObservationField, ...]:
     """Return what the numbers of the state vector are, in order; `props` are the free ones."""
     extra = tuple(
         ObservationField(f"{name} {what}, world frame", 3, bound, unit)
         for name in props
         for what, bound, unit in (("position", 20.0, "m"), ("velocity", 100.0, "m/s"))
     )
-    return state_fields(max_joints, arms, extra)
+    return state_fields(max_joints, arms, extra + (relative_fields(arms, props) if state.relative else ()))
 
 
-def observe_free_object(snapshot: Snapshot, goal: object, max_joints: int) -> Array:
+def relative_fields(arms: int, props: tuple[str, ...] = ()) -> tuple[ObservationField, ...]:
+    """Return what the numbers of `describe_relative` are."""
+    return (
+        ObservationField("target position, base frame", 3, _FAR_M, "m"),
+        ObservationField("object root position, base frame", 3, _FAR_M, "m"),
+        ObservationField("object's x and z axis, base frame", 6, 1.0, "1"),
+        ObservationField("object root linear velocity, base frame", 3, 100.0, "m/s"),
+        *(ObservationField(f"{name} position, base frame", 3, _FAR_M, "m") for name in props),
+        ObservationField("from fingertips to the nearest points of the object, base frame", 6 * arms, _FAR_M, "m"),
+        ObservationField("where hands point and where their fingers close, base frame", 6 * arms, 1.0, "1"),
+    )
+
+
+def observe_free_object(
+    snapshot: Snapshot, goal: "SurfaceGoal", max_joints: int, state: FreeObjectStateConfig
+) -> Array:
     """Return the state vector, (B, D) float32, of `free_object_fields`. The goal is at the origin.
 
     Raises:
         AssetError: the object has more joints than the vector has slots.
     """
     props, start = snapshot.prop_position_w.shape[1], object_size(max_joints)
-    values = observe_state(snapshot, max_joints, 6 * props)
+    relative = describe_relative(snapshot, goal) if state.relative else None
+    values = observe_state(snapshot, max_joints, 6 * props + (0 if relative is None else relative.shape[1]))
     for k in range(props):
         values[:, start : start + 3] = snapshot.prop_position_w[:, k]
         values[:, start + 3 : start + 6] = snapshot.prop_velocity_w[:, k]
         start += 6
+    if relative is not None:
+        values[:, start : start + relative.shape[1]] = relative
     return values
+
+
+def describe_relative(snapshot: Snapshot, goal: "SurfaceGoal") -> Array:
+    """Return the numbers of `relative_fields`, (B, D).
+
+    They are in the frame of the robot's base, for what the robot has to do does not depend on where it stands.
+    """
+    xp = namespace(snapshot.robot_qpos)
+    place, axes = snapshot.link_position_w[:, :1], snapshot.link_rotation_w[:, 0]
+    tools = snapshot.tool_rotation_w
+    base = xp.concat((snapshot.robot_qpos[:, :2], xp.zeros_like(place[:, 0, :1])), axis=1)[:, None]  # (B, 1, 3)
+    ways = (
+        -base,
+        place - base,
+        axes[:, None, :, 0],
+        axes[:, None, :, 2],
+        snapshot.root_velocity_w[:, None, :3],
+        snapshot.prop_position_w - base,
+        fingertip_gaps(snapshot, goal),
+        tools[..., 2],
+        tools[..., 1],
+    )
+    vectors = xp.concat(ways, axis=1)  # (B, V, 3)
+    cosine, sine = (turn(snapshot.robot_qpos[:, 2, None]) for turn in (xp.cos, xp.sin))
+    x, y = vectors[:, :, 0], vectors[:, :, 1]
+    turned = xp.stack((cosine * x + sine * y, cosine * y - sine * x, vectors[:, :, 2]), axis=2)
+    return xp.reshape(turned, (-1, 3 * vectors.shape[1]))
 
 
 def describe_distance(snapshot: Snapshot, goal: object) -> str:
@@ -196,36 +255,43 @@ class SurfaceGoal:
 
 def fingertip_distance(snapshot: Snapshot, goal: SurfaceGoal) -> Array:
     """Return the mean distance of the fingertips to the nearest of the surface's points, (B,) in metres."""
-    tips = snapshot.fingertip_position_w
+    if isinstance(snapshot.fingertip_position_w, np.ndarray):
+        return _nearest(snapshot, goal)[1]
+    xp, gaps = namespace(snapshot.fingertip_position_w), fingertip_gaps(snapshot, goal)
+    return xp.mean(xp.sqrt(dot(gaps, gaps)), axis=-1)
+
+
+def fingertip_gaps(snapshot: Snapshot, goal: SurfaceGoal) -> Array:
+    """Return the ways from the fingertips to the nearest of the surface's points, (B, T, 3) in the world."""
+    if isinstance(snapshot.fingertip_position_w, np.ndarray):
+        return _nearest(snapshot, goal)[0]
+    return fingertip_gaps_reference(snapshot, goal)
+
+
+def fingertip_gaps_reference(snapshot: Snapshot, goal: SurfaceGoal) -> Array:
+    """Return `fingertip_gaps` for any array library: the kernel's definition."""
+    tips, xp = snapshot.fingertip_position_w, namespace(snapshot.fingertip_position_w)
+    at = rows, _ = goal.row[:, None], goal.point_link
+    in_world = rotate(snapshot.link_rotation_w[at], goal.points) + snapshot.link_position_w[at]  # (B, P, 3)
+    gaps = in_world[:, None] - tips[:, :, None]  # (B, T, P, 3)
+    nearest = xp.argmin(dot(gaps, gaps), axis=-1)  # (B, T)
+    return gaps[rows, xp.arange(tips.shape[1])[None], nearest]
+
+
+def _nearest(snapshot: Snapshot, goal: SurfaceGoal) -> tuple[np.ndarray, np.ndarray]:
+    """Return `fingertip_gaps` and `fingertip_distance`."""
+    tips = np.ascontiguousarray(snapshot.fingertip_position_w)
+    gaps, distance = np.empty(tips.shape), np.empty(len(tips))
     links = snapshot.link_position_w, snapshot.link_rotation_w
-    if isinstance(tips, np.ndarray):
-        distance = np.empty(len(tips))
-        _fingertip_distance_kernel(np.ascontiguousarray(tips), *links, goal.points, goal.point_link, distance)
-        return distance
-    return fingertip_distance_reference(tips, *links, goal)
-
-
-def fingertip_distance_reference(tips: Array, position_w: Array, rotation_w: Array, goal: SurfaceGoal) -> Array:
-    """Return `fingertip_distance` for any array library: the kernel's definition.
-
-    Args:
-        tips: (B, T, 3) in the world.
-        position_w: (B, L, 3) of the links.
-        rotation_w: (B, L, 3, 3) of the links.
-        goal: with the surface's points.
-    """
-    xp = namespace(tips)
-    rows, link = goal.row[:, None], goal.point_link
-    in_world = rotate(rotation_w[rows, link], goal.points) + position_w[rows, link]  # (B, P, 3)
-    gap = tips[:, :, None] - in_world[:, None]  # (B, T, P, 3)
-    return xp.mean(xp.sqrt(amin(dot(gap, gap))), axis=-1)
+    _nearest_kernel(tips, *links, goal.points, goal.point_link, gaps, distance)
+    return gaps, distance
 
 
 @allocating_kernel
-def _fingertip_distance_kernel(
-    tips: Any, position_w: Any, rotation_w: Any, points: Any, link: Any, distance: Any
+def _nearest_kernel(
+    tips: Any, position_w: Any, rotation_w: Any, points: Any, link: Any, gaps: Any, distance: Any
 ) -> None:
-    """Fill `distance` (B,); of the goal there are `points` (B, P, 3) and their `link` (B, P)."""
+    """Fill `gaps` (B, T, 3) and `distance` (B,); the goal has `points` (B, P, 3) and their `link` (B, P)."""
     count = tips.shape[1]
     nearest = np.empty(count)
     for b in range(tips.shape[0]):
@@ -238,8 +304,11 @@ def _fingertip_distance_kernel(
             world_y = turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z + origin[1]
             world_z = turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z + origin[2]
             for t in range(count):
-                dx, dy, dz = tips[b, t, 0] - world_x, tips[b, t, 1] - world_y, tips[b, t, 2] - world_z
-                nearest[t] = min(nearest[t], dx * dx + dy * dy + dz * dz)
+                dx, dy, dz = world_x - tips[b, t, 0], world_y - tips[b, t, 1], world_z - tips[b, t, 2]
+                squared = dx * dx + dy * dy + dz * dz
+                if squared < nearest[t]:
+                    nearest[t] = squared
+                    gaps[b, t, 0], gaps[b, t, 1], gaps[b, t, 2] = dx, dy, dz
         summed = 0.0
         for t in range(count):
             summed += np.sqrt(nearest[t])
@@ -249,4 +318,4 @@ def _fingertip_distance_kernel(
 def load_kernel() -> None:
     """Compile the kernel, or read it from the disk's cache, now: no reset or step has to wait for it later."""
     one, link = np.ones((1, 1, 3)), np.zeros((1, 1), dtype=np.int64)
-    _fingertip_distance_kernel(one, one, np.ones((1, 1, 3, 3)), one, link, np.empty(1))
+    _nearest_kernel(one, one, np.ones((1, 1, 3, 3)), one, link, np.empty((1, 1, 3)), np.empty(1))

@@ -18,6 +18,7 @@ from artiskill.tasks import free_object, staged_reward
 from artiskill.tasks.free_object import (
     MASK_NAMES,
     SAFELY_NEAR,
+    FreeObjectStateConfig,
     ObjectPose,
     StandingConfig,
     SurfaceGoal,
@@ -188,12 +189,14 @@ class MoveBucketConfig(TaskConfig):
         initial: ranges of initial states.
         success: what counts as above the platform, standing and still.
         reward: dense reward.
+        state: what the state vector says.
     """
 
     props: BucketPropsConfig
     initial: BucketInitialConfig
     success: StandingConfig
     reward: BucketRewardConfig
+    state: FreeObjectStateConfig
 
 
 @dataclass(frozen=True, eq=False)
@@ -373,8 +376,8 @@ def make_move_bucket(config: MoveBucketConfig) -> Task:
         reward_terms=partial(reward_terms, config=config.reward, success=config.success),
         reward_weights=config.reward.weights,
         reward_table=TABLE,
-        observe_state=partial(observe_free_object, max_joints=config.max_object_joints),
-        state_fields=free_object_fields(config.max_object_joints, len(robot.mounts), (_BALL,)),
+        observe_state=partial(observe_free_object, max_joints=config.max_object_joints, state=config.state),
+        state_fields=free_object_fields(config.max_object_joints, len(robot.mounts), config.state, (_BALL,)),
         mask_names=MASK_NAMES,
         masks=robot_mask,
         describe_progress=describe_distance,

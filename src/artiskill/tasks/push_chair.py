@@ -19,6 +19,7 @@ from artiskill.tasks import free_object, staged_reward
 from artiskill.tasks.free_object import (
     MASK_NAMES,
     SAFELY_NEAR,
+    FreeObjectStateConfig,
     ObjectPose,
     StandingConfig,
     SurfaceGoal,
@@ -141,11 +142,13 @@ class PushChairConfig(TaskConfig):
         initial: ranges of initial states.
         success: what counts as near, standing and still.
         reward: dense reward.
+        state: what the state vector says.
     """
 
     initial: ChairInitialConfig
     success: StandingConfig
     reward: ChairRewardConfig
+    state: FreeObjectStateConfig
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,8 +272,8 @@ def make_push_chair(config: PushChairConfig) -> Task:
         reward_terms=partial(reward_terms, config=config.reward, success=config.success),
         reward_weights=config.reward.weights,
         reward_table=TABLE,
-        observe_state=partial(observe_free_object, max_joints=config.max_object_joints),
-        state_fields=free_object_fields(config.max_object_joints, len(robot.mounts)),
+        observe_state=partial(observe_free_object, max_joints=config.max_object_joints, state=config.state),
+        state_fields=free_object_fields(config.max_object_joints, len(robot.mounts), config.state),
         mask_names=MASK_NAMES,
         masks=robot_mask,
         describe_progress=describe_distance,
