@@ -75,7 +75,10 @@ def act(actor: nn.Module, seen: torch.Tensor) -> tuple[torch.Tensor, torch.Tenso
 
 
 def make_env(arguments: argparse.Namespace, count: int, terminate_on_success: bool) -> gym.vector.VectorEnv:
-    """Return as many environments side by side; without an end at success, policies also learn to keep still."""
+    """Return as many environments side by side, whose states say how the hands lie at what they work on.
+
+    Without an end at success, policies also learn to keep still.
+    """
     return gym.make_vec(
         f"ArtiSkill/{arguments.task}-v0",
         num_envs=count,
@@ -83,6 +86,7 @@ def make_env(arguments: argparse.Namespace, count: int, terminate_on_success: bo
         target=arguments.target,
         autoreset_mode="same_step",
         terminate_on_success=terminate_on_success,
+        config={"state.handle": True} if arguments.task.startswith("OpenCabinet") else {"state.relative": True},
     )
 
 
