@@ -134,10 +134,10 @@ def test_numbers_that_are_not_finite_are_not_saved(tmp_path: Path) -> None:
     assert sorted((tmp_path / "run/checkpoints").iterdir()) == files
 
 
-def test_a_run_ends_once_all_is_solved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    solved = iter([2, 1, 2, 2, 2])  # of two episodes, every 80 steps
+def test_a_run_ends_once_enough_is_solved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    solved = iter([1, 0, 1, 2, 1])  # of two episodes, every 80 steps
     monkeypatch.setattr(Run, "evaluate", lambda run: [(OBJECT, 2, next(solved))])
-    changes = {"steps": 480, "evaluation.every": 80, "evaluation.stop_after": 2}
+    changes = {"steps": 480, "evaluation.every": 80, "evaluation.enough": 0.5, "evaluation.stop_after": 2}
     state = reinforce(tiny("sac", **changes), tmp_path / "run").state
     assert (state.step, state.best_step, state.developed) == (320, 320, 320)
     assert reinforce(tiny("sac", **changes), tmp_path / "run").state.step == 320  # it has ended

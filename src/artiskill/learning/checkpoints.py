@@ -37,7 +37,7 @@ class TrainState:
     developed: int = 0  # step of the last measurement on development objects
     best_step: int = 0  # of the best checkpoint
     best_successes: int = -1
-    all_solved: int = 0  # latest measurements in a row that solved every episode
+    enough_in_a_row: int = 0  # latest measurements that solved enough for a run to end
     sums: dict[str, tuple[float, int]] = field(default_factory=dict)  # since the last row of metrics.csv
 
 

@@ -140,7 +140,7 @@ def _prepare(config: ReinforcementConfig, folder: Path) -> RunInfo:
 
 
 class _Solved(Exception):  # noqa: N818 - no error
-    """Leaves the library's loop: measurements say that all is solved."""
+    """Leaves the library's loop: measurements say that it is solved."""
 
 
 class _Scaled(gym.vector.VectorWrapper[Any, Any, Any, Any, Any]):
@@ -205,7 +205,7 @@ class Run:
             f"{config.name}, {config.task}: {named}{target}, from the state",
             f"{config.envs} environments, {config.steps} steps; {count_parameters(self.model)} parameters",
             f"success in {measured.episodes} episodes on new levels every {measured.every} steps chooses the "
-            "checkpoint" + (f"; {ends} times all of them in a row end the run" if ends else ""),
+            "checkpoint" + (f"; {ends} times {measured.enough:.0%} in a row end the run" if ends else ""),
         ]
 
     def _make_env(self, count: int, is_evaluation: bool) -> ManipulationVectorEnv:
@@ -224,7 +224,7 @@ class Run:
     # -- the loop ------------------------------------------------------------------------------------------------
 
     def train(self, on_step: OnStep = lambda step, text: None) -> None:
-        """Train until the configuration's number of steps, or until measurements say that all is solved.
+        """Train until the configuration's number of steps, or until measurements say that it is solved.
 
         Raises:
             OSError: a file cannot be written.
@@ -249,7 +249,8 @@ class Run:
         found = self.evaluate()
         successes = sum(row[2] for row in found)
         self.state.developed = self.state.step
-        self.state.all_solved = self.state.all_solved + 1 if successes == self.config.evaluation.episodes else 0
+        is_enough = successes >= self.config.evaluation.enough * self.config.evaluation.episodes
+        self.state.enough_in_a_row = self.state.enough_in_a_row + 1 if is_enough else 0
         if successes >= self.state.best_successes:  # of equal ones the latest
             self.state.best_step, self.state.best_successes = self.state.step, successes
             write_content(self._folder / BEST, {"state": dict(vars(self.state)), "acting": self.acting})
@@ -258,8 +259,8 @@ class Run:
 
     @property
     def is_solved(self) -> bool:
-        """Whether as many measurements in a row as the configuration asks for solved every episode."""
-        return 0 < self.config.evaluation.stop_after <= self.state.all_solved
+        """Whether as many measurements in a row as the configuration asks for solved enough."""
+        return 0 < self.config.evaluation.stop_after <= self.state.enough_in_a_row
 
     def evaluate(self) -> list[tuple[str, int, int]]:
         """Return a row of object, episodes and successes each, of deterministic actions on new levels."""

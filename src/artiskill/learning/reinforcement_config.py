@@ -8,6 +8,7 @@ from typing import Any
 from artiskill.config import (
     CONFIG_DIR,
     check,
+    check_inside,
     check_not_negative,
     check_positive,
     check_value,
@@ -107,11 +108,13 @@ class EvaluationConfig:
     episodes: int  # in all, shared by the objects
     first_level: int
     every: int  # steps
-    stop_after: int  # measurements in a row that solve every episode end the run; 0: only its steps do
+    enough: float  # share of episodes
+    stop_after: int  # measurements in a row that solve enough end the run; 0: only its steps do
 
     def __post_init__(self) -> None:
         check_positive(self, "episodes", "every")
         check_not_negative(self, "stop_after")
+        check_inside("evaluation.enough", self.enough, (0, 1))
         check_level(self.first_level)
         check_level(self.first_level + self.episodes - 1)
 
@@ -158,7 +161,8 @@ class ReinforcementConfig:
         """Raise `RunError` if a run with these values cannot go on with other ones, but for a later end."""
         ours, theirs = to_mapping(self), to_mapping(other)
         theirs["steps"] = min(ours["steps"], theirs["steps"])
-        theirs["evaluation"]["stop_after"] = ours["evaluation"]["stop_after"]
+        for name in ("enough", "stop_after"):
+            theirs["evaluation"][name] = ours["evaluation"][name]
         check_same_values(ours, theirs, folder)
 
 
