@@ -18,6 +18,7 @@ from artiskill.errors import ArtiSkillError
 from artiskill.files import read_text
 from artiskill.gallery.facts import markdown
 from artiskill.jobs.parallel import available_cores
+from learning_tables import curves
 from learning_tables.cells import TASKS
 from learning_tables.commands import finish, in_pool
 from learning_tables.markdown import write_between
@@ -25,7 +26,9 @@ from learning_tables.results import read_measured, read_rows, write_rows
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE, EXPERTS = DOCS / "reinforcement_learning.md", DOCS / "data" / "experts.csv"
-TABLE = Path("data", "reinforcement.csv")  # beside the page
+# beside the page
+TABLE, CURVES = Path("data", "reinforcement.csv"), Path("data", "reinforcement_curves.csv")
+PICTURE = Path("images", "reinforcement.png")
 BEGIN, END = "<!-- made by tools/make_rl_tables.py -->", "<!-- end of the tables -->"
 ONE, MANY, PLAIN = TABLES = ("one", "many", "plain")
 HANDLE, RELATIVE = "config.state.handle=true", "config.state.relative=true"
@@ -62,6 +65,12 @@ class Policy(NamedTuple):
     def folder(self, work: Path) -> Path:
         """Where it is trained and measured."""
         return work / self.table / self.task / self.name / self.algorithm / f"seed-{self.seed}"
+
+    @property
+    def values(self) -> dict[str, str]:
+        """What rows of CSV files begin with."""
+        told = (self.table, self.task, self.name, self.target, self.algorithm, str(self.seed))
+        return dict(zip(CSV_HEAD[:6], told, strict=True))
 
     @property
     def splits(self) -> dict[str, tuple[str, ...]]:
@@ -176,24 +185,47 @@ def rows_of(policies: Sequence[Policy], work: Path) -> Iterator[dict[str, str]]:
                 continue
             measured = read_measured(folder / split)
             *_, last = csv.DictReader(read_text(folder / "run" / "metrics.csv").splitlines())
-            values = (policy.table, policy.task, policy.name, policy.target, policy.algorithm, policy.seed)
-            values += (last["step"], f"{float(last['seconds']) / 60:.1f}", split)  # type: ignore[assignment]
-            values += (sum(measured.episodes.values()), sum(measured.successes.values()))  # type: ignore[assignment]
-            yield dict(zip(CSV_HEAD, map(str, values), strict=True))
+            own = {"steps": last["step"], "minutes": f"{float(last['seconds']) / 60:.1f}", "measured on": split}
+            counts = sum(measured.episodes.values()), sum(measured.successes.values())
+            yield policy.values | own | dict(zip(CSV_HEAD[-2:], map(str, counts), strict=True))
+
+
+def curves_of(policies: Sequence[Policy], work: Path) -> Iterator[dict[str, str]]:
+    """Yield a row of the CSV file of curves per measurement of a finished policy's training."""
+    for policy in policies:
+        folder, counted = policy.folder(work), {}
+        path = folder / "run" / "development.csv"
+        if (folder / "trained").is_file() and path.is_file():
+            for row in csv.DictReader(read_text(path).splitlines()):
+                counted.setdefault(row["step"], []).append((int(row["episodes"]), int(row["successes"])))
+        for step, counts in counted.items():
+            totals = (str(sum(one)) for one in zip(*counts, strict=True))
+            yield policy.values | dict(zip(curves.CSV_HEAD[6:], (step, *totals), strict=True))
 
 
 def write_tables(policies: Sequence[Policy], work: Path, page: Path) -> None:
-    """Write the CSV file, older rows included, and what stands between the marks of the page.
+    """Write the CSV files, older rows included, the picture, and what stands between the marks of the page.
 
     Raises:
-        ConfigError: the page cannot be read, or lacks the marks; the CSV file has other columns.
+        ConfigError: the page cannot be read, or lacks the marks; a CSV file has other columns.
     """
-    path = page.parent / TABLE
-    before = read_rows(path, CSV_HEAD)
-    found = {tuple(row[name] for name in KEY): row for row in (*before, *rows_of(policies, work))}
-    rows = [found[key] for key in sorted(found)]
+    rows = merge(page.parent / TABLE, CSV_HEAD, KEY, rows_of(policies, work))
+    measured = merge(page.parent / CURVES, curves.CSV_HEAD, curves.CSV_HEAD[:7], curves_of(policies, work))
+    if measured:
+        curves.draw(measured, page.parent / PICTURE)
     write_between(page, BEGIN, END, tables_text(rows))
-    write_rows(path, [CSV_HEAD, *([row[name] for name in CSV_HEAD] for row in rows)])
+
+
+def merge(path: Path, head: list[str], key: list[str], new: Iterator[dict[str, str]]) -> list[dict[str, str]]:
+    """Add rows to a CSV file, in place of those of the same key; return all of them, in the order of keys."""
+    found = {tuple(row[name] for name in key): row for row in (*read_rows(path, head), *new)}
+    rows = [found[one] for one in sorted(found, key=_by_number)]
+    write_rows(path, [head, *([row[name] for name in head] for row in rows)])
+    return rows
+
+
+def _by_number(key: tuple[str, ...]) -> list[tuple[int, str]]:
+    return [(int(one), "") if one.isdigit() else (0, one) for one in key]
 
 
 def tables_text(rows: Sequence[dict[str, str]]) -> str:

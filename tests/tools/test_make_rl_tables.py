@@ -5,10 +5,13 @@ import shutil
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 import make_rl_tables as script
+from learning_tables import curves
 from make_rl_tables import BEGIN, END, graded
 
+DEVELOPMENT = "step,object,episodes,successes\n9,a,5,1\n9,b,5,2\n10,a,5,4\n10,b,5,5\n"
 WORDS = f"before\n{BEGIN}\nold\n{END}\nafter\n"
 
 
@@ -23,6 +26,7 @@ def commands(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
         out.mkdir(parents=True)
         if command[0] == "train":
             (out / "metrics.csv").write_text("step,seconds\n1000,30\n2000000,600\n")
+            (out / "development.csv").write_text(DEVELOPMENT)
         else:
             episodes = int(command[command.index("--episodes") + 1])
             rows = [{"object": "one", "episodes": episodes, "successes": episodes // 2}]
@@ -49,6 +53,9 @@ def test_finished_runs_stay_in_the_tables(tmp_path: Path, commands: list[list[st
     assert commands == []
     name, target = graded("OpenCabinetDrawer")[0]
     assert f"| OpenCabinetDrawer | {name} | {target} | sac | 50%, 50% | 2 | 10 |" in _page(tmp_path)
+    measured = (tmp_path / "data" / "reinforcement_curves.csv").read_text().splitlines()
+    assert len(measured) == 1 + 3 * 2 * 2
+    assert f"one,OpenCabinetDrawer,{name},{target},sac,1,9,10,3" in measured
     shutil.rmtree(tmp_path / "work")
     assert run(tmp_path, "--tables", "many", "--counts", "5", "--seeds", "0") == 0
     assert len(commands) == 3
@@ -60,6 +67,18 @@ def test_finished_runs_stay_in_the_tables(tmp_path: Path, commands: list[list[st
     assert run(tmp_path, "--tables", "plain", "--counts", "5", "--seeds", "0") == 0
     assert "config.state.handle=true" not in commands[0]
     assert "| 5 | the paper's | sac | 50% | 50% | 82 % | 2 | 10 |" in _page(tmp_path)
+
+
+def test_ended_runs_keep_their_last_value_in_curves(tmp_path: Path) -> None:
+    points = [("0", "20", "1"), ("0", "40", "2"), ("1", "20", "3"), ("1", "40", "2"), ("1", "60", "4")]
+    same = dict.fromkeys(curves.CSV_HEAD, "a") | {"episodes": "4"}
+    rows = [same | {"seed": seed, "step": step, "successes": solved} for seed, step, solved in points]
+    steps, rates = curves.curves(rows)
+    assert steps.tolist() == [20, 40, 60]
+    assert rates.tolist() == [[0.25, 0.5, 0.5], [0.75, 0.5, 1.0]]
+    curves.draw(rows, tmp_path / "curves.png")
+    with Image.open(tmp_path / "curves.png") as picture:
+        assert picture.width > 300
 
 
 def test_failures_are_told(tmp_path: Path, commands: list[list[str]]) -> None:

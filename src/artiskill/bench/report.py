@@ -22,7 +22,7 @@ JSON_FILE, PLOT_FILE = "bench.json", "bench.png"
 _MEMORY_FILE, _STATUS_FILE = Path("/proc/meminfo"), Path("/proc/self/status")
 _MB_PER_KB = 1024 / 1e6
 # Okabe and Ito's colours, which the colour-blind can tell apart
-_COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
+COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 _COLUMN_IN, _HEIGHT_IN, _DPI = 3.4, 5.6, 120
 _GREY = "#6b7280"
 
@@ -164,7 +164,7 @@ def draw(measurements: Sequence[Measurement], path: Path) -> None:
     figure = figure_class()(figsize=(max(2, len(tasks)) * _COLUMN_IN, _HEIGHT_IN), layout="constrained")
     axes = figure.subplots(2, len(tasks), squeeze=False, sharex=True, sharey="row", height_ratios=(3, 2))
     for column, task in enumerate(tasks):
-        for color, line in zip(_COLORS * len(lines), lines, strict=False):
+        for color, line in zip(COLORS * len(lines), lines, strict=False):
             found = [one for one in measurements if one.case.task == task and line.has(one)]
             if found:
                 _draw_line(axes[0][column], axes[1][column], found, line.label, color)
