@@ -27,6 +27,7 @@ from artiskill.tasks.registry import task_spec
 
 _FOLDER = CONFIG_DIR / "learning"
 _MOST_STEPS = 10**9
+_MOST_ENTROPY = 0.69  # of a number in [-1, 1]: evenly spread
 
 
 @dataclass(frozen=True)
@@ -44,25 +45,26 @@ class SACConfig:
     n_steps: int  # whose rewards a target adds up
     tau: float  # by which target networks follow
     ent_coef: float | str  # `auto`, or `auto_0.1` to begin with 0.1
-    target_entropy: float | str  # `auto`: minus the size of an action
+    action_entropy: float  # that the policy shall have, for each number of an action; the library's own is -1
 
     def __post_init__(self) -> None:
         check_positive(self, "learning_rate", "batch_size", "buffer_size", "gradient_steps", "n_steps", "tau")
         check_not_negative(self, "learning_starts")
         _check_shared(self.gamma, self.net_arch)
+        check_inside("algorithm.action_entropy", self.action_entropy, (-10, _MOST_ENTROPY))
         if not isinstance(self.ent_coef, str):
             check_not_negative(self, "ent_coef")
-        for name in ("ent_coef", "target_entropy"):
-            given = getattr(self, name)
-            legal = not isinstance(given, str) or given == "auto" or _is_begun(name, given)
-            check(legal, f"algorithm.{name} must be a number or auto, not {given!r}")
+            return
+        start, _, number = self.ent_coef.partition("_")
+        check(
+            self.ent_coef == "auto" or (start == "auto" and _is_positive(number)),
+            f"algorithm.ent_coef must be a number, auto, or auto_0.1, not {self.ent_coef!r}",
+        )
 
 
-def _is_begun(name: str, given: str) -> bool:
-    """Whether a text is `auto_0.1`, say."""
-    start, _, number = given.partition("_")
+def _is_positive(text: str) -> bool:
     try:
-        return name == "ent_coef" and start == "auto" and float(number) > 0
+        return float(text) > 0
     except ValueError:
         return False
 

@@ -50,6 +50,8 @@ def make_model(config: ReinforcementConfig, env: Any, kinds: Mapping[str, Any] =
         policy["layer_norm"] = True  # an option of SBX alone
     if config.name == "ppo":  # first actions are near 0, as Stable-Baselines3 has it
         policy |= {"log_std_init": values.pop("log_std_init"), "ortho_init": True}
+    if "action_entropy" in values:
+        values["target_entropy"] = values.pop("action_entropy") * env.action_space.shape[0]
     if not isinstance(values["ent_coef"], str):
         values["ent_coef"] = float(values["ent_coef"])  # SBX takes no whole number
     return kinds[config.name]("MlpPolicy", env, policy_kwargs=policy, seed=config.seed, **values)
