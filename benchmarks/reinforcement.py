@@ -79,7 +79,8 @@ def main() -> None:
     for name in options.algorithms:
         never = {"evaluation.every": 10**9, "checkpoint_every": 10**9, "evaluation.episodes": 1}
         given = {"objects": [options.object], "steps": options.steps, **never}
-        given |= {"algorithm.learning_starts": 256} if name == "sac" else {}
+        # Stable-Baselines3 does not normalise critics: neither side does
+        given |= {"algorithm.learning_starts": 256, "algorithm.layer_norm": False} if name == "sac" else {}
         config = load_reinforcement_config(name, options.task, given)
         with tempfile.TemporaryDirectory() as folder:
             run = reinforce(config, Path(folder))

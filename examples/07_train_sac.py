@@ -19,12 +19,9 @@ NEW_LEVELS = range(1_000_000, 1_000_100)  # to measure on; training draws its le
 LOG_2 = float(np.log(2.0))
 
 
-def mlp(inputs: int, outputs: int, norm: bool = False) -> nn.Sequential:
-    first, second = (nn.LayerNorm(256) if norm else nn.Identity() for _ in range(2))
+def mlp(inputs: int, outputs: int) -> nn.Sequential:
     return nn.Sequential(
-        *(nn.Linear(inputs, 256), first, nn.ReLU()),
-        *(nn.Linear(256, 256), second, nn.ReLU()),
-        nn.Linear(256, outputs),
+        nn.Linear(inputs, 256), nn.ReLU(), nn.Linear(256, 256), nn.ReLU(), nn.Linear(256, outputs)
     )
 
 
@@ -75,10 +72,7 @@ def act(actor: nn.Module, seen: torch.Tensor) -> tuple[torch.Tensor, torch.Tenso
 
 
 def make_env(arguments: argparse.Namespace, count: int, terminate_on_success: bool) -> gym.vector.VectorEnv:
-    """Return as many environments side by side, whose states say how the hands lie at what they work on.
-
-    Without an end at success, policies also learn to keep still.
-    """
+    """Return as many environments side by side; without an end at success, policies also learn to keep still."""
     return gym.make_vec(
         f"ArtiSkill/{arguments.task}-v0",
         num_envs=count,
@@ -86,7 +80,6 @@ def make_env(arguments: argparse.Namespace, count: int, terminate_on_success: bo
         target=arguments.target,
         autoreset_mode="same_step",
         terminate_on_success=terminate_on_success,
-        config={"state.handle": True} if arguments.task.startswith("OpenCabinet") else {"state.relative": True},
     )
 
 
@@ -120,8 +113,7 @@ def main() -> None:
     rng = np.random.default_rng(arguments.seed)
     env = make_env(arguments, arguments.envs, False)
     states, actions = env.single_observation_space.shape[0], env.single_action_space.shape[0]
-    actor = mlp(states, 2 * actions)
-    critics = nn.ModuleList(mlp(states + actions, 1, norm=True) for _ in range(2))  # normalised ones learn faster
+    actor, critics = mlp(states, 2 * actions), nn.ModuleList(mlp(states + actions, 1) for _ in range(2))
     targets = copy.deepcopy(critics).requires_grad_(False)
     log_alpha = torch.tensor(np.log(0.1), dtype=torch.float32, requires_grad=True)
     optimizers = [

@@ -193,7 +193,7 @@ def rows_of(policies: Sequence[Policy], work: Path) -> Iterator[dict[str, str]]:
 def curves_of(policies: Sequence[Policy], work: Path) -> Iterator[dict[str, str]]:
     """Yield a row of the CSV file of curves per measurement of a finished policy's training."""
     for policy in policies:
-        folder, counted = policy.folder(work), {}
+        folder, counted = policy.folder(work), dict[str, list[tuple[int, int]]]()
         path = folder / "run" / "development.csv"
         if (folder / "trained").is_file() and path.is_file():
             for row in csv.DictReader(read_text(path).splitlines()):
@@ -211,14 +211,17 @@ def write_tables(policies: Sequence[Policy], work: Path, page: Path) -> None:
     """
     rows = merge(page.parent / TABLE, CSV_HEAD, KEY, rows_of(policies, work))
     measured = merge(page.parent / CURVES, curves.CSV_HEAD, curves.CSV_HEAD[:7], curves_of(policies, work))
-    if measured:
-        curves.draw(measured, page.parent / PICTURE)
     write_between(page, BEGIN, END, tables_text(rows))
+    if measured:  # last: it needs Matplotlib
+        curves.draw(measured, page.parent / PICTURE)
 
 
 def merge(path: Path, head: list[str], key: list[str], new: Iterator[dict[str, str]]) -> list[dict[str, str]]:
-    """Add rows to a CSV file, in place of those of the same key; return all of them, in the order of keys."""
-    found = {tuple(row[name] for name in key): row for row in (*read_rows(path, head), *new)}
+    """Add rows to a CSV file, in place of all of the same policies; return all of them, in the order of keys."""
+    added = list(new)
+    anew = {tuple(row[name] for name in CSV_HEAD[:6]) for row in added}
+    kept = [row for row in read_rows(path, head) if tuple(row[name] for name in CSV_HEAD[:6]) not in anew]
+    found = {tuple(row[name] for name in key): row for row in (*kept, *added)}
     rows = [found[one] for one in sorted(found, key=_by_number)]
     write_rows(path, [head, *([row[name] for name in head] for row in rows)])
     return rows

@@ -137,12 +137,32 @@ def test_numbers_that_are_not_finite_are_not_saved(tmp_path: Path) -> None:
 def test_a_run_ends_once_enough_is_solved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     solved = iter([1, 0, 1, 2, 1])  # of two episodes, every 80 steps
     monkeypatch.setattr(Run, "evaluate", lambda run: [(OBJECT, 2, next(solved))])
-    changes = {"steps": 480, "evaluation.every": 80, "evaluation.enough": 0.5, "evaluation.stop_after": 2}
+    changes = {
+        "steps": 480,
+        "evaluation.every": 80,
+        "evaluation.success_threshold": 0.5,
+        "evaluation.stop_after": 2,
+    }
     state = reinforce(tiny("sac", **changes), tmp_path / "run").state
     assert (state.step, state.best_step, state.developed) == (320, 320, 320)
     assert reinforce(tiny("sac", **changes), tmp_path / "run").state.step == 320  # it has ended
     changes["evaluation.stop_after"] = 3
     assert reinforce(tiny("sac", **changes), tmp_path / "run").state.step == 400  # goes on, to the third in a row
+
+
+def test_an_ended_run_goes_on_with_another_threshold(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Run, "evaluate", lambda run: [(OBJECT, 2, 1)])
+    changes = {"steps": 320, "evaluation.every": 80, "evaluation.success_threshold": 0.5}
+    assert reinforce(tiny("ppo", **changes), tmp_path / "run").state.step == 160
+    assert reinforce(tiny("ppo", **changes | {"steps": 480}), tmp_path / "run").state.step == 160
+    changes |= {"steps": 480, "evaluation.success_threshold": 1.0}
+    assert reinforce(tiny("ppo", **changes), tmp_path / "run").state.step == 480
+
+
+def test_the_library_is_given_entropy_and_returns(tmp_path: Path) -> None:
+    run = reinforce(tiny("sac", **{"algorithm.action_entropy": -0.5, "algorithm.n_steps": 2}), tmp_path / "run")
+    assert run.model.target_entropy == -0.5 * 13
+    assert run.model.replay_buffer.n_steps == 2
 
 
 def test_critics_with_layer_norm(tmp_path: Path) -> None:
@@ -237,6 +257,11 @@ def test_damaged_and_foreign_folders_are_refused(tmp_path: Path) -> None:
         ({"algorithm.gamma": 2}, "gamma"),
         ({"algorithm.ent_coef": "automatic"}, "ent_coef"),
         ({"algorithm.ent_coef": -0.1}, "ent_coef"),
+        ({"algorithm.ent_coef": "auto_x"}, "ent_coef"),
+        ({"algorithm.action_entropy": 0.7}, "action_entropy"),
+        ({"algorithm.n_steps": 0}, "n_steps"),
+        ({"evaluation.success_threshold": 1.1}, "success_threshold"),
+        ({"evaluation.stop_after": -1}, "stop_after"),
         ({"envs": 0}, "num_envs"),
         ({"objects": []}, "objects"),
         ({"reward_scale": 0}, "reward_scale"),

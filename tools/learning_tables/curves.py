@@ -49,5 +49,6 @@ def curves(rows: Sequence[Mapping[str, str]]) -> tuple[np.ndarray, np.ndarray]:
     for seed in sorted({int(row["seed"]) for row in rows}):
         own = {int(row["step"]): row for row in rows if int(row["seed"]) == seed}
         solved = {step: int(row["successes"]) / int(row["episodes"]) for step, row in own.items()}
-        rates.append([solved[max((one for one in solved if one <= step), default=min(solved))] for step in steps])
+        before = [[one for one in solved if one <= step] for step in steps]
+        rates.append([solved[max(one)] if one else np.nan for one in before])
     return steps, np.array(rates)

@@ -55,13 +55,13 @@ def add_commands(commands: Any) -> None:
         "and command_bc)",
     )
     steps = "gradient steps (default: bc, command_bc: 6000; bcq, td3bc: 20000; dagger: 5200)"
-    add("--steps", type=int, help=f"{steps}, or of environments (sac: 200000, ppo: 2000000)")
+    add("--steps", type=int, help=f"{steps}, or of environments (sac: at most 300000, ppo: 2000000)")
     rollouts = "dagger, sac, ppo: learn on these (default: train; dagger: and hundreds of generated ones)"
     add("--objects", nargs="+", metavar="OBJECT", help=rollouts)
     add("--target", metavar="LINK", help="sac, ppo: open only this one (default: each episode draws one)")
     add("--envs", type=int, help="sac, ppo: environments side by side (default: 16)")
     add("--samples", type=int, help="dagger: steps of rollouts in all, and 7 passes over as many (default: 96000)")
-    batches = "samples of a step (default: bc, dagger: 128; bcq, td3bc, command_bc: 64; sac, ppo: 256)"
+    batches = "samples of a step (default: bc, dagger: 128; bcq, td3bc, command_bc: 64; sac: 128; ppo: 256)"
     add("--batch-size", type=int, help=batches)
     add("--seed", type=int, help="of weights, batches and noise (default: 0)")
     add("--device", default="auto", help="auto, cpu or cuda (default: %(default)s; sac, ppo: cpu)")
@@ -156,6 +156,9 @@ def _run_reinforcement(arguments: argparse.Namespace) -> None:
         raise KeyboardInterrupt(f"{interrupt or 'interrupted'}; go on with: {command}") from interrupt
     state, episodes = run.state, config.evaluation.episodes
     print(f"trained: {arguments.out}, {state.step} steps in {state.seconds:.0f} s")
+    if run.is_solved:
+        wanted = f"{config.evaluation.stop_after} times {config.evaluation.success_threshold:.0%} in a row"
+        print(f"ended: success reached {wanted}; evaluation.stop_after=0 goes on to the end of the steps")
     print(f"best: step {state.best_step}, {state.best_successes} of {episodes} episodes on new levels solved")
     named = " ".join(config.objects) + (f" --target {config.target}" if config.target else "")
     print(f"measure it: artiskill evaluate --policy {arguments.out} --objects {named}")

@@ -37,7 +37,7 @@ class TrainState:
     developed: int = 0  # step of the last measurement on development objects
     best_step: int = 0  # of the best checkpoint
     best_successes: int = -1
-    enough_in_a_row: int = 0  # latest measurements that solved enough for a run to end
+    measured: list[int] = field(default_factory=list)  # successes of each measurement, of reinforcement learning
     sums: dict[str, tuple[float, int]] = field(default_factory=dict)  # since the last row of metrics.csv
 
 

@@ -205,7 +205,8 @@ class Run:
             f"{config.name}, {config.task}: {named}{target}, from the state",
             f"{config.envs} environments, {config.steps} steps; {count_parameters(self.model)} parameters",
             f"success in {measured.episodes} episodes on new levels every {measured.every} steps chooses the "
-            "checkpoint" + (f"; {ends} times {measured.enough:.0%} in a row end the run" if ends else ""),
+            "checkpoint"
+            + (f"; {ends} times {measured.success_threshold:.0%} in a row end the run" if ends else ""),
         ]
 
     def _make_env(self, count: int, is_evaluation: bool) -> ManipulationVectorEnv:
@@ -249,8 +250,7 @@ class Run:
         found = self.evaluate()
         successes = sum(row[2] for row in found)
         self.state.developed = self.state.step
-        is_enough = successes >= self.config.evaluation.enough * self.config.evaluation.episodes
-        self.state.enough_in_a_row = self.state.enough_in_a_row + 1 if is_enough else 0
+        self.state.measured = [*self.state.measured, successes]
         if successes >= self.state.best_successes:  # of equal ones the latest
             self.state.best_step, self.state.best_successes = self.state.step, successes
             write_content(self._folder / BEST, {"state": dict(vars(self.state)), "acting": self.acting})
@@ -259,8 +259,10 @@ class Run:
 
     @property
     def is_solved(self) -> bool:
-        """Whether as many measurements in a row as the configuration asks for solved enough."""
-        return 0 < self.config.evaluation.stop_after <= self.state.enough_in_a_row
+        """Whether the latest measurements end the run."""
+        wanted = self.config.evaluation
+        latest = self.state.measured[-wanted.stop_after :] if wanted.stop_after else []
+        return 0 < wanted.stop_after == sum(one / wanted.episodes >= wanted.success_threshold for one in latest)
 
     def evaluate(self) -> list[tuple[str, int, int]]:
         """Return a row of object, episodes and successes each, of deterministic actions on new levels."""

@@ -110,13 +110,13 @@ class EvaluationConfig:
     episodes: int  # in all, shared by the objects
     first_level: int
     every: int  # steps
-    enough: float  # share of episodes
-    stop_after: int  # measurements in a row that solve enough end the run; 0: only its steps do
+    success_threshold: float  # share of episodes
+    stop_after: int  # measurements in a row that reach it end the run; 0: only its steps do
 
     def __post_init__(self) -> None:
         check_positive(self, "episodes", "every")
         check_not_negative(self, "stop_after")
-        check_inside("evaluation.enough", self.enough, (0, 1))
+        check_inside("evaluation.success_threshold", self.success_threshold, (0, 1))
         check_level(self.first_level)
         check_level(self.first_level + self.episodes - 1)
 
@@ -163,7 +163,7 @@ class ReinforcementConfig:
         """Raise `RunError` if a run with these values cannot go on with other ones, but for a later end."""
         ours, theirs = to_mapping(self), to_mapping(other)
         theirs["steps"] = min(ours["steps"], theirs["steps"])
-        for name in ("enough", "stop_after"):
+        for name in ("success_threshold", "stop_after"):
             theirs["evaluation"][name] = ours["evaluation"][name]
         check_same_values(ours, theirs, folder)
 

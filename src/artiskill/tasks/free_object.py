@@ -22,7 +22,7 @@ SAFELY_NEAR = 0.95
 MASK_NAMES = ("robot",)
 SURFACE_POINTS = 800  # on a chair, some 4 cm apart
 _CACHED_OBJECTS = 256
-_FAR_M = 20.0
+_FAR_M = 20.0  # bound of positions
 
 
 @dataclass(frozen=True)
@@ -137,13 +137,16 @@ class ObjectPose:
 
 
 def free_object_fields(
-    max_joints: int, arms: int, state: FreeObjectStateConfig, props: tuple[str, ...] = ()
+    max_joints: int,
+    arms: int,
+    props: tuple[str, ...] = (),
+    state: FreeObjectStateConfig = FreeObjectStateConfig(),
 ) -> tuple[ObservationField, ...]:
     """Return what the numbers of the state vector are, in order; `props` are the free ones."""
     extra = tuple(
         ObservationField(f"{name} {what}, world frame", 3, bound, unit)
         for name in props
-        for what, bound, unit in (("position", 20.0, "m"), ("velocity", 100.0, "m/s"))
+        for what, bound, unit in (("position", _FAR_M, "m"), ("velocity", 100.0, "m/s"))
     )
     return state_fields(max_joints, arms, extra + (relative_fields(arms, props) if state.relative else ()))
 
@@ -162,7 +165,10 @@ def relative_fields(arms: int, props: tuple[str, ...] = ()) -> tuple[Observation
 
 
 def observe_free_object(
-    snapshot: Snapshot, goal: "SurfaceGoal", max_joints: int, state: FreeObjectStateConfig
+    snapshot: Snapshot,
+    goal: "SurfaceGoal",
+    max_joints: int,
+    state: FreeObjectStateConfig = FreeObjectStateConfig(),
 ) -> Array:
     """Return the state vector, (B, D) float32, of `free_object_fields`. The goal is at the origin.
 
@@ -281,7 +287,10 @@ def fingertip_gaps_reference(snapshot: Snapshot, goal: SurfaceGoal) -> Array:
 def _nearest(snapshot: Snapshot, goal: SurfaceGoal) -> tuple[np.ndarray, np.ndarray]:
     """Return `fingertip_gaps` and `fingertip_distance`."""
     tips = np.ascontiguousarray(snapshot.fingertip_position_w)
-    gaps, distance = np.empty(tips.shape), np.empty(len(tips))
+    gaps, distance = (
+        np.full(tips.shape, np.nan),
+        np.empty(len(tips)),
+    )  # no point is near where poses are no numbers
     links = snapshot.link_position_w, snapshot.link_rotation_w
     _nearest_kernel(tips, *links, goal.points, goal.point_link, gaps, distance)
     return gaps, distance

@@ -273,7 +273,7 @@ def make_push_chair(config: PushChairConfig) -> Task:
         reward_weights=config.reward.weights,
         reward_table=TABLE,
         observe_state=partial(observe_free_object, max_joints=config.max_object_joints, state=config.state),
-        state_fields=free_object_fields(config.max_object_joints, len(robot.mounts), config.state),
+        state_fields=free_object_fields(config.max_object_joints, len(robot.mounts), state=config.state),
         mask_names=MASK_NAMES,
         masks=robot_mask,
         describe_progress=describe_distance,
