@@ -21,8 +21,8 @@ from artiskill.evaluation.protocols import (
 TASK, OBJECT = "OpenCabinetDrawer", "cabinet-0005"
 DRAWERS = "artiskill-1/OpenCabinetDrawer/test/joint/state"
 # What the names stand for. If one of them changes, so do the numbers: choose another `protocols.VERSION`. (Before
-# the first release, those of cabinets changed with the reward of doors, and all with the key `state`; success is as
-# before.)
+# the first release, those of cabinets changed with the reward of doors, and all with the key `state`; success is
+# as before.)
 DIGESTS = {
     "artiskill-1/OpenCabinetDoor/test/joint/pointcloud": "ab21cbd422815a14",
     "artiskill-1/OpenCabinetDoor/ood/joint/pointcloud": "a1453e70b43e1a82",
