@@ -196,9 +196,8 @@ class Run:
     @property
     def lines(self) -> list[str]:
         """What will be trained."""
-        config, measured = self.config, self.config.evaluation
+        config, measured, objects = self.config, self.config.evaluation, self.info.objects
         ends = measured.stop_after
-        objects = self.info.objects
         named = f"{len(objects)} objects" if len(objects) > 1 else objects[0]
         target = f", {config.target}" if config.target else ""
         return [
@@ -260,9 +259,9 @@ class Run:
     @property
     def is_solved(self) -> bool:
         """Whether the latest measurements end the run."""
-        wanted = self.config.evaluation
-        latest = self.state.measured[-wanted.stop_after :] if wanted.stop_after else []
-        return 0 < wanted.stop_after == sum(one / wanted.episodes >= wanted.success_threshold for one in latest)
+        wanted, measured = self.config.evaluation, self.state.measured
+        reach = [one / wanted.episodes >= wanted.success_threshold for one in measured[-wanted.stop_after :]]
+        return 0 < wanted.stop_after <= len(reach) and all(reach)
 
     def evaluate(self) -> list[tuple[str, int, int]]:
         """Return a row of object, episodes and successes each, of deterministic actions on new levels."""
