@@ -10,7 +10,7 @@ the tables are made from it.
 import argparse
 import csv
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -218,16 +218,19 @@ def write_tables(policies: Sequence[Policy], work: Path, page: Path) -> None:
 
 def merge(path: Path, head: list[str], key: list[str], new: Iterator[dict[str, str]]) -> list[dict[str, str]]:
     """Add rows to a CSV file, in place of all of the same policies; return all of them, in the order of keys."""
+
+    def policy_of(row: dict[str, str]) -> list[str]:
+        return [row[name] for name in CSV_HEAD[:6]]
+
     added = list(new)
-    anew = {tuple(row[name] for name in CSV_HEAD[:6]) for row in added}
-    kept = [row for row in read_rows(path, head) if tuple(row[name] for name in CSV_HEAD[:6]) not in anew]
-    found = {tuple(row[name] for name in key): row for row in (*kept, *added)}
-    rows = [found[one] for one in sorted(found, key=_by_number)]
+    anew = [policy_of(row) for row in added]
+    kept = [row for row in read_rows(path, head) if policy_of(row) not in anew]
+    rows = sorted((*kept, *added), key=lambda row: _by_number(row[name] for name in key))
     write_rows(path, [head, *([row[name] for name in head] for row in rows)])
     return rows
 
 
-def _by_number(key: tuple[str, ...]) -> list[tuple[int, str]]:
+def _by_number(key: Iterable[str]) -> list[tuple[int, str]]:
     return [(int(one), "") if one.isdigit() else (0, one) for one in key]
 
 

@@ -33,7 +33,7 @@ from artiskill.geometry.kernel import allocating_kernel, inlined_kernel, kernel
 from artiskill.geometry.meshes import depth_inside
 from artiskill.geometry.rotations import cross
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.task import ObservationField
+from artiskill.tasks.task import ObservationField, along_base_axes
 
 MEASURES = (  # what they mean stands with the task's table of stages
     "hand_angle",
@@ -175,11 +175,10 @@ def describe_handle(snapshot: Snapshot, goal: Any) -> Array:
     hand = snapshot.tool_rotation_w[:, 0]
     ways = (grasp - base, grasp - snapshot.tool_position_w[:, 0], forward, across, hand[:, :, 2], hand[:, :, 1])
     vectors = xp.stack((*ways, velocity), axis=1)  # (B, 7, 3)
-    cosine, sine = (turn(snapshot.robot_qpos[:, 2, None]) for turn in (xp.cos, xp.sin))
-    x, y = vectors[:, :, 0], vectors[:, :, 1]
-    turned = xp.stack((cosine * x + sine * y, cosine * y - sine * x, vectors[:, :, 2]), axis=2)
-    flat = xp.reshape(turned, (-1, 3 * vectors.shape[1]))
-    return xp.concat((flat, _opening(snapshot, goal)[:, None], goal.grasp_width_m[:, None]), axis=1)
+    return xp.concat(
+        (along_base_axes(snapshot, vectors), _opening(snapshot, goal)[:, None], goal.grasp_width_m[:, None]),
+        axis=1,
+    )
 
 
 def hand_angle(link_w: Array, hand_w: Array, grasps: Array) -> Array:

@@ -14,7 +14,7 @@ from artiskill.geometry.meshes import sample_surface, triangle_areas
 from artiskill.scene.scene import Scene
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.staged_reward import Ramp, Stage
-from artiskill.tasks.task import ObservationField, object_size, observe_state, state_fields
+from artiskill.tasks.task import ObservationField, along_base_axes, object_size, observe_state, state_fields
 
 # The last stage begins a little nearer than near: an object that arrives slowly, and so counts as still, would
 # otherwise skip the stage before it.
@@ -207,11 +207,7 @@ def describe_relative(snapshot: Snapshot, goal: "SurfaceGoal") -> Array:
         tools[..., 2],
         tools[..., 1],
     )
-    vectors = xp.concat(ways, axis=1)  # (B, V, 3)
-    cosine, sine = (turn(snapshot.robot_qpos[:, 2, None]) for turn in (xp.cos, xp.sin))
-    x, y = vectors[:, :, 0], vectors[:, :, 1]
-    turned = xp.stack((cosine * x + sine * y, cosine * y - sine * x, vectors[:, :, 2]), axis=2)
-    return xp.reshape(turned, (-1, 3 * vectors.shape[1]))
+    return along_base_axes(snapshot, xp.concat(ways, axis=1))
 
 
 def describe_distance(snapshot: Snapshot, goal: object) -> str:

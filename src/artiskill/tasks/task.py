@@ -414,6 +414,15 @@ def observe_state(snapshot: Snapshot, max_joints: int, extra_size: int = 0) -> A
     return _in_columns(values)
 
 
+def along_base_axes(snapshot: Snapshot, vectors_w: Array) -> Array:
+    """Return the components (B, 3 V) of vectors (B, V, 3) along the axes of the robot's base, vector by vector."""
+    xp, yaw = namespace(vectors_w), snapshot.robot_qpos[:, 2, None]
+    cosine, sine = xp.cos(yaw), xp.sin(yaw)
+    x, y = vectors_w[:, :, 0], vectors_w[:, :, 1]
+    turned = xp.stack((cosine * x + sine * y, cosine * y - sine * x, vectors_w[:, :, 2]), axis=2)
+    return xp.reshape(turned, (-1, 3 * vectors_w.shape[1]))
+
+
 def observe_robot(snapshot: Snapshot, row: int) -> Array:
     """Return the numbers of `robot_fields` alone, of one environment: (1, D) float32."""
     return _in_columns(_robot_values(snapshot, slice(row, row + 1)))
