@@ -43,7 +43,7 @@ FIRST_LEVEL = 1_000_000  # training draws from 2^31
 BATCH = 256  # of `sac` with many cabinets, of which each is then met in most batches
 EPISODES = {ONE: 100, MANY: 10, PLAIN: 10}  # on each object
 # where the algorithm's default is not enough
-STEPS = {("sac", "OpenCabinetDoor"): 360_000, ("sac", "PushChair"): 400_000, ("sac", "MoveBucket"): 400_000}
+STEPS = {("sac", "OpenCabinetDoor"): 600_000, ("sac", "PushChair"): 1_000_000, ("sac", "MoveBucket"): 1_000_000}
 GRADED = {"OpenCabinetDoor": 3, "OpenCabinetDrawer": 3, "PushChair": 1, "MoveBucket": 1}  # objects of table `one`
 
 

@@ -251,8 +251,10 @@ def test_distance_is_that_of_segments_to_points(
             assert distance[i, finger] == pytest.approx(brute, abs=1e-5)
 
 
-def gripping(cabinet: ArticulatedObject, target: str, along_m: float = 0.0) -> tuple[Snapshot, CabinetGoal]:
-    """A made-up instant in which an ideal hand holds the handle, or stands back from it by `along_m`."""
+def gripping(
+    cabinet: ArticulatedObject, target: str, along_m: float = 0.0, slack_m: float = 0.001
+) -> tuple[Snapshot, CabinetGoal]:
+    """A made-up instant: an ideal hand at the handle, or `along_m` back from it, each finger `slack_m` from it."""
     goal = make_cabinet_goal(cabinet, target, 0.9)
     simulation = Simulation(build_scene(TASK.robot, cabinet, TASK.physics))
     simulation.reset([TASK.sample_initial_state(cabinet, np.random.default_rng(0))])
@@ -260,7 +262,7 @@ def gripping(cabinet: ArticulatedObject, target: str, along_m: float = 0.0) -> t
     rotation = goal.grasp_rotations[:, 0]
     tool = snapshot.link_position_w[0, goal.link[0]] + goal.grasp_positions[0, 0] - along_m * rotation[0, :, 2]
     across, forward = rotation[0, :, 1], rotation[0, :, 2]
-    gap = goal.grasp_width_m[0] / 2 + 0.001
+    gap = goal.grasp_width_m[0] / 2 + slack_m
     ends = [[tool + s * gap * across + z * forward for z in (-0.025, 0.0085)] for s in (1, -1)]
     return dataclasses.replace(snapshot, tool_rotation_w=rotation[None], finger_line_w=np.array(ends)[None]), goal
 
@@ -280,11 +282,12 @@ def test_an_ideal_grip_is_close_and_a_distant_hand_is_not(cabinet: ArticulatedOb
     assert stage_of(*gripping(cabinet, "link_3", along_m=0.05)) == 0
 
 
-def test_reward_rises_on_the_way_to_the_handle(cabinet: ArticulatedObject) -> None:
+def test_reward_rises_on_the_way_to_the_handle_and_as_fingers_close(cabinet: ArticulatedObject) -> None:
     weights = TASK.reward_weights
     earned = []
-    for along in (0.5, 0.3, 0.1, 0.05, 0.02, 0.0):
-        terms = answers(*gripping(cabinet, "link_3", along))
+    ways = [(along, 0.009) for along in (0.5, 0.3, 0.1, 0.05, 0.02, 0.0)] + [(0.0, 0.005), (0.0, 0.003)]
+    for way in ways:
+        terms = answers(*gripping(cabinet, "link_3", *way))
         earned.append(sum(weight * float(terms[name][0]) for name, weight in weights.items()))
     assert earned == sorted(earned)
     assert len(set(earned)) == len(earned)

@@ -61,7 +61,7 @@ class ManipulationEnv(EnvBase, gym.Env[Any, np.ndarray]):
     A *level* is the integer that determines everything about an episode. `reset(seed=s)` starts level s; `reset()`
     draws the next level; `reset(options={"level": ..., "object": ..., "target": ...})` is explicit. An episode
     is `terminated` when the task is solved and `truncated` after `task.episode_steps` steps. With
-    `terminate_on_success=False`, which suits reinforcement learning, it goes on to those steps in any case.
+    `terminate_on_success=False` it goes on to those steps in any case.
 
     `info` has `object`, `level`, `target`, `success`, `flags` (condition -> has it held for half a second by now)
     and `reward_terms`; in visual modes also `cameras`, their intrinsics and extrinsics. To branch an episode use

@@ -39,16 +39,17 @@ MEASURES = (  # what they mean stands with the task's table of stages
     "hand_angle",
     "handle_distance",
     "depth",
+    "finger_gap",
     "opening_speed",
     "opening",
     "speed",
-    "finger_gap",
     "angular_speed",
 )
 # Five points along the fingers' mid-line, as weights of the ends (start, tip) of the two fingers' lines.
 _MIDDLE_WEIGHTS = np.array([(1 - t, t, 1 - t, t) for t in (0.0, 0.25, 0.5, 0.75, 1.0)]) / 2
 _HELD = 0.7  # of the range over which a link comes to count as held
 _RANGES_PER_M = 45.0  # of depth: over the whole range, fingers seem to go 22 mm further in
+_GAP_PER_RANGE = 3.0  # over the whole range, they seem to close from far away to a firm grip
 NEVER_AJAR = (1e9, 2e9)  # no link opens so far
 _FAR_M, _MOST_OPENING = 20.0, 100.0
 HANDLE_FIELDS = (
@@ -135,15 +136,15 @@ def measure_by_arrays(snapshot: Snapshot, goal: Any, limits: Limits) -> Array:
     ajar = clip((opening - first) / (last - first), 0.0, 1.0)
     gap = xp.maximum(distance[:, 0], distance[:, 1]) / limits.close_m
     is_ajar = ajar > 0
-    held_gap = _HELD / xp.where(is_ajar, ajar, 1.0)
+    held_gap = 1.0 - _GAP_PER_RANGE * (ajar - _HELD)
     measures = {
         "hand_angle": hand_angle(rotation, snapshot.tool_rotation_w[:, 0], goal.grasp_rotations),
         "handle_distance": 0.5 * (distance[:, 0] + distance[:, 1]),
         "depth": xp.where(is_ajar, xp.maximum(depth, (ajar - _HELD) / _RANGES_PER_M), depth),
+        "finger_gap": xp.where(is_ajar, xp.minimum(gap, held_gap), gap),
         "opening_speed": snapshot.object_qvel[goal.row, goal.joint],
         "opening": opening,
         "speed": snapshot.link_speed_m_s[at] / limits.slow_m_s,
-        "finger_gap": xp.where(is_ajar, xp.minimum(gap, held_gap), gap),
         "angular_speed": snapshot.link_angular_speed_rad_s[at] / limits.slow_rad_s,
     }
     return columns([measures[name] for name in MEASURES])
@@ -298,16 +299,16 @@ def _measure_kernel(
         out[b, 0] = math.acos(min(max(cosine, -1.0), 1.0)) / math.pi
         out[b, 1] = 0.5 * (first + second)
         out[b, 2] = _middle_depth(ends, weights, planes[b], sample)
-        out[b, 3] = object_qvel[b, joint]
+        out[b, 3] = max(first, second) / close_m
+        out[b, 4] = object_qvel[b, joint]
         opening = (object_qpos[b, joint] - lower[b]) / (open_qpos[b] - lower[b])
-        out[b, 4] = opening
-        out[b, 5] = speed / slow_m_s
-        out[b, 6] = max(first, second) / close_m
+        out[b, 5] = opening
+        out[b, 6] = speed / slow_m_s
         out[b, 7] = angular_speed / slow_rad_s
         if opening > first_ajar:
             ajar = min((opening - first_ajar) / (last_ajar - first_ajar), 1.0)
             out[b, 2] = max(out[b, 2], (ajar - _HELD) / _RANGES_PER_M)
-            out[b, 6] = min(out[b, 6], _HELD / ajar)
+            out[b, 3] = min(out[b, 3], 1.0 - _GAP_PER_RANGE * (ajar - _HELD))
 
 
 @kernel

@@ -55,8 +55,8 @@ _COLUMN = {name: i for i, name in enumerate(MEASURES)}
 # Measures:
 #   hand_angle        angle to the nearest grasp pose, over pi
 #   handle_distance   mean distance of the two fingers' lines to the handle, m
-#   finger_gap        the greater of the two distances, over what counts as close; less where a door is ajar
 #   depth             of the fingers' mid-line in the handle's hull, m, positive inside; more where a door is ajar
+#   finger_gap        the greater of the two distances, over what counts as close; less where a door is ajar
 #   opening_speed     velocity of the joint, m/s or rad/s
 #   opening           how far it is open: 0 closed, 1 open enough
 #   speed             of the target link, over what counts as still
@@ -66,6 +66,7 @@ TABLE = StageTable(
         "hand_angle": Ramp("hand_angle", 1.0, 0.0),
         "handle_distance": Ramp("handle_distance", 2.0, 0.0),
         "enclosure": Ramp("depth", -0.01, 0.004),
+        "grip": Ramp("finger_gap", 1.0, 0.2),
         "opening_speed": Ramp("opening_speed", -0.1, 0.5),
         "opening": Ramp("opening", 0.0, 1.0),
         "slow": Ramp("speed", 10.0, 0.0),
@@ -78,7 +79,7 @@ TABLE = StageTable(
         ),
         Stage(
             "close to the handle",
-            asks=("opening_speed", "opening"),
+            asks=("grip", "opening_speed", "opening"),
             enters=(Ramp("finger_gap", 1.0, 0.8), Ramp("depth", 0.0, 0.002)),
             leaves=(Ramp("opening", 0.8, 1.0),),
         ),
