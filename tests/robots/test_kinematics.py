@@ -15,7 +15,7 @@ from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import InitialState
 from artiskill.tasks.registry import make_task
-from artiskill.tasks.task import observe_robot
+from artiskill.tasks.state_vector import observe_robot
 
 ROBOTS = ("one_arm", "two_arms")
 COUNT = 40

@@ -8,7 +8,8 @@ import numpy as np
 from artiskill.demos.lerobot import camera_names, mask_picture
 from artiskill.envs.control import JOINT, Control
 from artiskill.tasks.registry import make_task
-from artiskill.tasks.task import Task, robot_fields
+from artiskill.tasks.state_vector import robot_fields
+from artiskill.tasks.task import Task
 
 _CHANNELS = 3
 

@@ -16,7 +16,7 @@ from artiskill.envs.control import JOINT
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
 from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ConfigError, DivergedError, MissingExtraError
-from artiskill.tasks.task import robot_fields
+from artiskill.tasks.state_vector import robot_fields
 
 BENCHMARK = "ArtiSkillBenchmark"
 _ARM, _FINGERS = 7, 2  # numbers of an action

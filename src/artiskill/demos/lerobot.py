@@ -28,7 +28,8 @@ from artiskill.demos.replay_episode import AGENT, STATE, leaf_spaces
 from artiskill.demos.training_file import ReplaySettings, TrainingFile, TrainingFiles
 from artiskill.envs.control import JOINT
 from artiskill.errors import ConfigError
-from artiskill.tasks.task import Task, robot_fields
+from artiskill.tasks.state_vector import robot_fields
+from artiskill.tasks.task import Task
 
 VERSION = "v3.0"
 _DATA_MB, _VIDEO_MB = 100, 200

@@ -21,7 +21,8 @@ from artiskill.geometry.arrays import columns
 from artiskill.scene.scene import Scene, cached_scene
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.levels import RngStream, level_generator
-from artiskill.tasks.task import Goal, Task, field_bounds
+from artiskill.tasks.state_vector import field_bounds
+from artiskill.tasks.task import Goal, Task
 
 _GOALS = 512  # that are kept: of the last objects and targets
 

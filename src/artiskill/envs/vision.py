@@ -20,7 +20,8 @@ from artiskill.sensors.observations.sampling import Sampler, make_sampler
 from artiskill.sensors.render_config import RenderConfig
 from artiskill.sensors.renderer import BodyVisual, Renderer
 from artiskill.tasks.levels import RngStream, level_generator
-from artiskill.tasks.task import Task, field_bounds, observe_robot, robot_fields
+from artiskill.tasks.state_vector import field_bounds, observe_robot, robot_fields
+from artiskill.tasks.task import Task
 
 Frame = Literal["world", "robot", "end_effector"]
 FRAMES: tuple[Frame, ...] = ("world", "robot", "end_effector")

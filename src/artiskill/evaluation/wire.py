@@ -18,7 +18,8 @@ from artiskill.demos.lerobot import camera_names
 from artiskill.envs.options import OBSERVATION_MODES
 from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ArtiSkillError, MissingExtraError, shown
-from artiskill.tasks.task import Task, robot_fields
+from artiskill.tasks.state_vector import robot_fields
+from artiskill.tasks.task import Task
 
 EXTRA = "remote"
 VERSION = 1  # of `ServerMetadata`

@@ -48,7 +48,8 @@ from artiskill.learning.train_config import (
 from artiskill.learning.trainer import Trainer
 from artiskill.tasks.point_shares import shared_out
 from artiskill.tasks.registry import make_task
-from artiskill.tasks.task import Task, robot_fields
+from artiskill.tasks.state_vector import robot_fields
+from artiskill.tasks.task import Task
 
 ROUNDS, TABLE = "rounds", "rounds.csv"
 FRAME = "robot"  # of the points

@@ -5,7 +5,7 @@ take 7 (benchmarks/environment.py shows the whole). The array code remains for o
 definition that a test holds the kernels to. Handle data is in the frame of the link that carries the handle.
 
 A link that is ajar counts as held, if the task says so: `finger_gap` and `depth` then are as if the fingers closed
-in while it opens. At `_HELD` of the range that the task gives, they are at the handle.
+in while it opens. At `_HELD` of the range that the task gives, they are at the handle, at its end they grip it.
 
 The state of the paper has joints and a root: enough for an agent of one cabinet, which learns where the handle is.
 Of many cabinets `describe_handle` says where the hand shall go, and in which direction it shall pull.
@@ -33,7 +33,7 @@ from artiskill.geometry.kernel import allocating_kernel, inlined_kernel, kernel
 from artiskill.geometry.meshes import depth_inside
 from artiskill.geometry.rotations import cross
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.task import ObservationField, along_base_axes
+from artiskill.tasks.state_vector import FAR_M, ObservationField, along_base_axes
 
 MEASURES = (  # what they mean stands with the task's table of stages
     "hand_angle",
@@ -51,17 +51,15 @@ _HELD = 0.7  # of the range over which a link comes to count as held
 _RANGES_PER_M = 45.0  # of depth: over the whole range, fingers seem to go 22 mm further in
 _GAP_PER_RANGE = 3.0  # over the whole range, they seem to close from far away to a firm grip
 NEVER_AJAR = (1e9, 2e9)  # no link opens so far
-_FAR_M, _MOST_OPENING = 20.0, 100.0
+_MOST_OPENING = 100.0
 HANDLE_FIELDS = (
-    ObservationField("grasp position, base frame", 3, _FAR_M, "m"),
-    ObservationField("from the hand to the grasp position, base frame", 3, _FAR_M, "m"),
+    ObservationField("grasp position, base frame", 3, FAR_M, "m"),
+    ObservationField("from the hand to the grasp position, base frame", 3, FAR_M, "m"),
     ObservationField("where the grasp points and where its fingers close, base frame", 6, 1.0, "1"),
     ObservationField("where the hand points and where its fingers close, base frame", 6, 1.0, "1"),
-    ObservationField(
-        "velocity of the grasp while the joint opens by 1 m/s or rad/s, base frame", 3, _FAR_M, "m/s"
-    ),
+    ObservationField("velocity of the grasp while the joint opens by 1 m/s or rad/s, base frame", 3, FAR_M, "m/s"),
     ObservationField("how far the target is open: 0 closed, 1 open enough", 1, _MOST_OPENING, "1"),
-    ObservationField("extent of the handle between the fingers", 1, _FAR_M, "m"),
+    ObservationField("extent of the handle between the fingers", 1, FAR_M, "m"),
 )
 HANDLE_SIZE = int(total(field.size for field in HANDLE_FIELDS))
 

@@ -14,7 +14,17 @@ from artiskill.geometry.meshes import sample_surface, triangle_areas
 from artiskill.scene.scene import Scene
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.staged_reward import Ramp, Stage
-from artiskill.tasks.task import ObservationField, along_base_axes, object_size, observe_state, state_fields
+from artiskill.tasks.state_vector import (
+    FAR_M,
+    FAST,
+    ObservationField,
+    along_base_axes,
+    in_columns,
+    joint_fields,
+    object_size,
+    observe_state,
+    state_fields,
+)
 
 # The last stage begins a little nearer than near: an object that arrives slowly, and so counts as still, would
 # otherwise skip the stage before it.
@@ -22,7 +32,6 @@ SAFELY_NEAR = 0.95
 MASK_NAMES = ("robot",)
 SURFACE_POINTS = 800  # on a chair, some 4 cm apart
 _CACHED_OBJECTS = 256
-_FAR_M = 20.0  # bound of positions
 
 
 @dataclass(frozen=True)
@@ -50,10 +59,11 @@ class StandingConfig:
 
 @dataclass(frozen=True)
 class FreeObjectStateConfig:
-    """What the state vector says beyond the paper's.
+    """What the state vector says.
 
     Attributes:
-        relative: where target, object and hands are, as the robot's base sees them: see `relative_fields`.
+        relative: where target, object and hands are and how they move, as the robot's base sees them, in place of
+            the paper's numbers: see `relative_fields`.
     """
 
     relative: bool = False
@@ -143,24 +153,35 @@ def free_object_fields(
     state: FreeObjectStateConfig = FreeObjectStateConfig(),
 ) -> tuple[ObservationField, ...]:
     """Return what the numbers of the state vector are, in order; `props` are the free ones."""
+    if state.relative:
+        return relative_fields(arms, props)
     extra = tuple(
         ObservationField(f"{name} {what}, world frame", 3, bound, unit)
         for name in props
-        for what, bound, unit in (("position", _FAR_M, "m"), ("velocity", 100.0, "m/s"))
+        for what, bound, unit in (("position", FAR_M, "m"), ("velocity", FAST, "m/s"))
     )
-    return state_fields(max_joints, arms, extra + (relative_fields(arms, props) if state.relative else ()))
+    return state_fields(max_joints, arms, extra)
 
 
 def relative_fields(arms: int, props: tuple[str, ...] = ()) -> tuple[ObservationField, ...]:
-    """Return what the numbers of `describe_relative` are."""
+    """Return what the numbers of `observe_relative` are.
+
+    Joints of the object are not among them: those of casters and wheels turn without end, and say nothing.
+    """
     return (
-        ObservationField("target position, base frame", 3, _FAR_M, "m"),
-        ObservationField("object root position, base frame", 3, _FAR_M, "m"),
+        ObservationField("target position, base frame", 3, FAR_M, "m"),
+        ObservationField("object root position, base frame", 3, FAR_M, "m"),
         ObservationField("object's x and z axis, base frame", 6, 1.0, "1"),
-        ObservationField("object root linear velocity, base frame", 3, 100.0, "m/s"),
-        *(ObservationField(f"{name} position, base frame", 3, _FAR_M, "m") for name in props),
-        ObservationField("from fingertips to the nearest points of the object, base frame", 6 * arms, _FAR_M, "m"),
+        ObservationField("object root linear velocity, base frame", 3, FAST, "m/s"),
+        ObservationField("object root angular velocity, base frame", 3, FAST, "rad/s"),
+        *(ObservationField(f"{name} position, base frame", 3, FAR_M, "m") for name in props),
+        *(ObservationField(f"{name} velocity, base frame", 3, FAST, "m/s") for name in props),
+        ObservationField("from fingertips to the nearest points of the object, base frame", 6 * arms, FAR_M, "m"),
         ObservationField("where hands point and where their fingers close, base frame", 6 * arms, 1.0, "1"),
+        ObservationField("fingertip velocities, base frame", 6 * arms, FAST, "m/s"),
+        ObservationField("base velocity x, y, base frame", 2, FAST, "m/s"),
+        ObservationField("base yaw rate", 1, FAST, "rad/s"),
+        *joint_fields(arms),
     )
 
 
@@ -175,39 +196,42 @@ def observe_free_object(
     Raises:
         AssetError: the object has more joints than the vector has slots.
     """
+    if state.relative:
+        return observe_relative(snapshot, goal)
     props, start = snapshot.prop_position_w.shape[1], object_size(max_joints)
-    relative = describe_relative(snapshot, goal) if state.relative else None
-    values = observe_state(snapshot, max_joints, 6 * props + (0 if relative is None else relative.shape[1]))
+    values = observe_state(snapshot, max_joints, 6 * props)
     for k in range(props):
         values[:, start : start + 3] = snapshot.prop_position_w[:, k]
         values[:, start + 3 : start + 6] = snapshot.prop_velocity_w[:, k]
         start += 6
-    if relative is not None:
-        values[:, start : start + relative.shape[1]] = relative
     return values
 
 
-def describe_relative(snapshot: Snapshot, goal: "SurfaceGoal") -> Array:
-    """Return the numbers of `relative_fields`, (B, D).
+def observe_relative(snapshot: Snapshot, goal: "SurfaceGoal") -> Array:
+    """Return the numbers of `relative_fields`, (B, D) float32.
 
-    They are in the frame of the robot's base, for what the robot has to do does not depend on where it stands.
+    They are along the axes of the robot's base, for what the robot has to do does not depend on where it stands.
+    Positions are from its place on the ground, velocities those in the world.
     """
-    xp = namespace(snapshot.robot_qpos)
+    xp, qpos, qvel = namespace(snapshot.robot_qpos), snapshot.robot_qpos, snapshot.robot_qvel
     place, axes = snapshot.link_position_w[:, :1], snapshot.link_rotation_w[:, 0]
     tools = snapshot.tool_rotation_w
-    base = xp.concat((snapshot.robot_qpos[:, :2], xp.zeros_like(place[:, 0, :1])), axis=1)[:, None]  # (B, 1, 3)
-    ways = (
+    base = xp.concat((qpos[:, :2], xp.zeros_like(place[:, 0, :1])), axis=1)[:, None]  # (B, 1, 3)
+    vectors = (
         -base,
         place - base,
         axes[:, None, :, 0],
         axes[:, None, :, 2],
-        snapshot.root_velocity_w[:, None, :3],
+        xp.reshape(snapshot.root_velocity_w, (-1, 2, 3)),
         snapshot.prop_position_w - base,
+        snapshot.prop_velocity_w,
         fingertip_gaps(snapshot, goal),
         tools[..., 2],
         tools[..., 1],
+        snapshot.fingertip_velocity_w,
+        qvel[:, None, :3],  # x, y, and the yaw rate, which no turn of the base changes
     )
-    return along_base_axes(snapshot, xp.concat(ways, axis=1))
+    return in_columns((along_base_axes(snapshot, xp.concat(vectors, axis=1)), qpos[:, 3:], qvel[:, 3:]))
 
 
 def describe_distance(snapshot: Snapshot, goal: object) -> str:

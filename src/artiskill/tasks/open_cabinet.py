@@ -41,7 +41,8 @@ from artiskill.tasks.cabinet_measures import (
 )
 from artiskill.tasks.initial_state import check_ranges, polar, robot_qpos
 from artiskill.tasks.staged_reward import Ramp, Stage, StageTable
-from artiskill.tasks.task import ObservationField, Task, TaskConfig, object_size, observe_state, state_fields
+from artiskill.tasks.state_vector import ObservationField, object_size, observe_state, state_fields
+from artiskill.tasks.task import Task, TaskConfig
 
 FLAG_NAMES = ("open_enough", "cabinet_static")
 MASK_NAMES = ("handle", "link", "robot")
@@ -67,7 +68,7 @@ TABLE = StageTable(
         "handle_distance": Ramp("handle_distance", 2.0, 0.0),
         "enclosure": Ramp("depth", -0.01, 0.004),
         "grip": Ramp("finger_gap", 1.0, 0.2),
-        "opening_speed": Ramp("opening_speed", -0.1, 0.5),
+        "opening_speed": Ramp("opening_speed", -0.5, 0.5),
         "opening": Ramp("opening", 0.0, 1.0),
         "slow": Ramp("speed", 10.0, 0.0),
     },

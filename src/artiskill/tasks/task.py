@@ -1,4 +1,4 @@
-"""`Task` and `TaskConfig`: what a task is made of, how its YAML is read, goals of a batch, the state vector."""
+"""`Task` and `TaskConfig`: what a task is made of, how its YAML is read, goals of a batch."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -11,8 +11,8 @@ import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, Category
 from artiskill.config import CONFIG_DIR, check, from_layers, load_yaml, merge_overrides, to_mapping
-from artiskill.errors import AssetError, ConfigError, shown
-from artiskill.geometry.arrays import Array, namespace, total
+from artiskill.errors import ConfigError, shown
+from artiskill.geometry.arrays import Array, total
 from artiskill.robots.config import LIKE, RobotConfig, robot_mapping
 from artiskill.scene.physics import PhysicsConfig
 from artiskill.scene.props import Prop
@@ -24,6 +24,7 @@ from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import InitialState
 from artiskill.tasks.registry import as_overrides
 from artiskill.tasks.staged_reward import StageTable
+from artiskill.tasks.state_vector import ObservationField
 from artiskill.tasks.validation import check_flags, check_parts, check_terms
 
 Goal = Any  # each task has its own frozen dataclass, whose arrays have the batch dimension first
@@ -31,10 +32,6 @@ Flags = dict[str, Array]
 
 _MOST_STEPS, _MOST_JOINTS = 1_000_000, 1000  # half a day of an episode; columns of the state vector
 _TASK_FOLDER = CONFIG_DIR / "tasks"
-# Values are clipped to their field's bounds, so that spaces are finite. Nothing in a sane episode reaches them:
-# the base's range is 10 m, and drives turn no joint faster than 3.14 rad/s.
-_FAR_M, _FAST, _ANGLE_RAD = 20.0, 100.0, 100.0
-_ROOT_SIZE = 13  # position, orientation, linear and angular velocity
 OBSERVED_QUALITY = "fast"  # of the cameras on the robot, unless the configuration says otherwise
 
 
@@ -84,23 +81,6 @@ class TaskConfig:
             f"{duration_s:g} s are more than {_MOST_STEPS} steps of {self.physics.step_s:g} s",
         )
         return max(1, round(steps))
-
-
-@dataclass(frozen=True)
-class ObservationField:
-    """A run of numbers in the state vector.
-
-    Attributes:
-        name: what it is.
-        size: how many numbers.
-        bound: they lie in [-bound, bound].
-        unit: of each.
-    """
-
-    name: str
-    size: int
-    bound: float
-    unit: str
 
 
 class Evaluation(NamedTuple):
@@ -339,111 +319,3 @@ def _padded(values: np.ndarray, count: int, padding: np.ndarray | None) -> np.nd
     missing = count - values.shape[1]
     fill = values[:, :1] if padding is None else padding
     return np.concatenate((values, np.broadcast_to(fill, (len(values), missing, *values.shape[2:]))), axis=1)
-
-
-def state_fields(
-    max_joints: int, arms: int, extra: tuple[ObservationField, ...] = ()
-) -> tuple[ObservationField, ...]:
-    """Return what the numbers of the state vector are, in order; `extra` are the task's own."""
-    return (*object_fields(max_joints), *extra, *robot_fields(arms))
-
-
-def robot_fields(arms: int) -> tuple[ObservationField, ...]:
-    """Return the robot's part: 38 numbers for one arm, 68 for two (arm joints are those of a Panda)."""
-    joints = 1 + 9 * arms
-    return (
-        ObservationField("fingertip positions, world frame", 6 * arms, _FAR_M, "m"),
-        ObservationField("fingertip velocities, world frame", 6 * arms, _FAST, "m/s"),
-        ObservationField("base position x, y", 2, _FAR_M, "m"),
-        ObservationField("base yaw", 1, _ANGLE_RAD, "rad"),
-        ObservationField("base velocity x, y, world frame", 2, _FAST, "m/s"),
-        ObservationField("base yaw rate", 1, _FAST, "rad/s"),
-        ObservationField("lift, arm and finger positions", joints, _ANGLE_RAD, "m, rad"),
-        ObservationField("lift, arm and finger velocities", joints, _FAST, "m/s, rad/s"),
-    )
-
-
-def object_fields(max_joints: int) -> tuple[ObservationField, ...]:
-    """Return the object's part: its root, then its joints padded with zeros to a fixed number."""
-    return (
-        ObservationField("object root position, world frame", 3, _FAR_M, "m"),
-        ObservationField("object root orientation (w, x, y, z)", 4, 1.0, "1"),
-        ObservationField("object root linear velocity, world frame", 3, _FAST, "m/s"),
-        ObservationField("object root angular velocity, world frame", 3, _FAST, "rad/s"),
-        ObservationField("object joint positions", max_joints, _ANGLE_RAD, "m, rad"),
-        ObservationField("object joint velocities", max_joints, _FAST, "m/s, rad/s"),
-    )
-
-
-def field_bounds(fields: tuple[ObservationField, ...]) -> np.ndarray:
-    """Return the largest absolute value of each number, (D,) float32."""
-    return np.concatenate([np.full(f.size, f.bound, dtype=np.float32) for f in fields])
-
-
-def object_size(max_joints: int) -> int:
-    """Return how many numbers `object_fields` has."""
-    return _ROOT_SIZE + 2 * max_joints
-
-
-def observe_state(snapshot: Snapshot, max_joints: int, extra_size: int = 0) -> Array:
-    """Return the state vector, (B, D) float32, as `state_fields` has it; the task's own numbers are still zero.
-
-    Raises:
-        AssetError: the object has more joints than the vector has slots.
-    """
-    joints = snapshot.object_qpos.shape[1]
-    if joints > max_joints and (own := int(snapshot.object_joints.max())) > max_joints:
-        raise AssetError(
-            f"an object with {own} joints does not fit a state vector with max_object_joints = {max_joints}; "
-            "raise that value in the task's config"
-        )
-    joints = min(joints, max_joints)  # a layout may have room for more
-    xp, qpos = namespace(snapshot.object_qpos), snapshot.object_qpos
-    zeros = xp.zeros((qpos.shape[0], max_joints + extra_size), dtype=qpos.dtype, device=qpos.device)
-    free = max_joints - joints
-    values = (
-        snapshot.link_position_w[:, 0],
-        snapshot.link_quaternion_w[:, 0],
-        snapshot.root_velocity_w,
-        snapshot.object_qpos[:, :joints],
-        zeros[:, :free],
-        snapshot.object_qvel[:, :joints],
-        zeros[:, : free + extra_size],
-        *_robot_values(snapshot),
-    )
-    return _in_columns(values)
-
-
-def along_base_axes(snapshot: Snapshot, vectors_w: Array) -> Array:
-    """Return the components (B, 3 V) of vectors (B, V, 3) along the axes of the robot's base, vector by vector."""
-    xp, yaw = namespace(vectors_w), snapshot.robot_qpos[:, 2, None]
-    cosine, sine = xp.cos(yaw), xp.sin(yaw)
-    x, y = vectors_w[:, :, 0], vectors_w[:, :, 1]
-    turned = xp.stack((cosine * x + sine * y, cosine * y - sine * x, vectors_w[:, :, 2]), axis=2)
-    return xp.reshape(turned, (-1, 3 * vectors_w.shape[1]))
-
-
-def observe_robot(snapshot: Snapshot, row: int) -> Array:
-    """Return the numbers of `robot_fields` alone, of one environment: (1, D) float32."""
-    return _in_columns(_robot_values(snapshot, slice(row, row + 1)))
-
-
-def _robot_values(snapshot: Snapshot, rows: slice = slice(None)) -> tuple[Array, ...]:
-    """Return the numbers of `robot_fields`, (B, n) each, of all environments or of some rows."""
-    qpos, qvel, tips = snapshot.robot_qpos[rows], snapshot.robot_qvel[rows], snapshot.fingertip_velocity_w.shape[1]
-    return (
-        snapshot.fingertip_position_w[rows].reshape(-1, 3 * tips),
-        snapshot.fingertip_velocity_w[rows].reshape(-1, 3 * tips),
-        qpos[:, :3],
-        qvel[:, :3],
-        qpos[:, 3:],
-        qvel[:, 3:],
-    )
-
-
-def _in_columns(values: Sequence[Array]) -> Array:
-    """Return arrays (B, n) side by side, in single precision: one call, as a dozen take three times as long."""
-    xp = namespace(values[0])
-    if xp is np:
-        return np.concatenate(values, axis=1, dtype=np.float32, casting="same_kind")
-    return xp.astype(xp.concat(values, axis=1), xp.float32)
