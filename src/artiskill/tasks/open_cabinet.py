@@ -68,7 +68,7 @@ TABLE = StageTable(
         "handle_distance": Ramp("handle_distance", 2.0, 0.0),
         "enclosure": Ramp("depth", -0.01, 0.004),
         "grip": Ramp("finger_gap", 1.0, 0.2),
-        "opening_speed": Ramp("opening_speed", -0.5, 0.5),
+        "opening_speed": Ramp("opening_speed", -0.1, 0.5),
         "opening": Ramp("opening", 0.0, 1.0),
         "slow": Ramp("speed", 10.0, 0.0),
     },
