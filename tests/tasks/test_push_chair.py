@@ -133,6 +133,20 @@ def test_pushing_nearer_earns_more(instant: tuple[Snapshot, Any]) -> None:
     assert (np.diff(earned) > 0).all()
 
 
+def test_a_chair_that_is_knocked_away_earns_less_than_one_that_waits(instant: tuple[Snapshot, Any]) -> None:
+    snapshot, goal = instant
+    earned = []
+    for x, moved in ((1.0, 0.0), (1.0, 0.02), (1.6, 0.0), (1.6, 0.02)):  # m from the target, m in the last step
+        here = standing(snapshot, (x, 0.0))
+        before = here.link_position_w + np.array((moved, 0.0, 0.0))
+        here = dataclasses.replace(here, previous_link_position_w=before)
+        assert stage_of(here, goal) == 0
+        terms = TASK.reward_terms(here, goal, TASK.flags(here, goal))
+        away = {name: value for name, value in terms.items() if not name.startswith("hand_")}  # hands stay behind
+        earned.append(sum(TASK.reward_weights[name] * float(value[0]) for name, value in away.items()))
+    assert (np.diff(earned) < 0).all()
+
+
 def test_torch_gives_the_same_answers(instant: tuple[Snapshot, Any], assert_torch_agrees) -> None:
     assert_torch_agrees(TASK, *instant)
 
@@ -141,8 +155,8 @@ def test_bad_values_are_refused() -> None:
     for values, message in (
         ({"success.near_m": 0}, "near_m must be positive"),
         ({"initial.chair_distance_m": [1.2, 0.8]}, "range"),
-        ({"reward.stage_bonus": [-12, -7, -6.9, 0]}, "must rise by more than"),
-        ({"reward.stage_bonus": [-12, -7, -1.2, 0]}, r"^config: reward.*still\) can earn 1: lower every bonus"),
+        ({"reward.stage_bonus": [-16, -8.8, -8.7, 0]}, "must rise by more than"),
+        ({"reward.stage_bonus": [-16, -8.8, -1.2, 0]}, r"^config: reward.*still\) can earn 1: lower every bonus"),
         ({"reward.weights.upwright": 1}, "unknown terms"),
         ({"initial.lift_m": 5}, "lift_m"),
     ):

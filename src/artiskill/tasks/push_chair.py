@@ -48,23 +48,26 @@ _TARGET_RGBA = (0.75, 0.03, 0.03, 1.0)
 #   target_distance   of the chair's root from the target, in the plane, m
 #   approach_speed    of the chair's root towards the target, m/s
 #   and how it arrives, `ObjectPose.arrival`
+# A chair that is knocked rolls away: in the first stage, too, it shall stay near its target, and slow.
 TABLE = StageTable(
     terms={
         "hand_distance": Ramp("hand_distance", 2.0, 0.0),
+        "hand_near": Ramp("hand_distance", 0.6, 0.05),
         "upright": Ramp("tilt", 1.0, 0.0),
         "target_distance": Ramp("target_distance", 2.0, 0.0),
+        "target_near": Ramp("target_distance", 1.5, 0.15),
         "approach_speed": Ramp("approach_speed", -0.2, 0.4),
         "slow": Ramp("speed", 5.0, 0.0),
     },
     stages=(
         Stage(
             "approach the chair",
-            asks=("hand_distance", "upright"),
+            asks=("hand_distance", "hand_near", "upright", "target_distance", "slow"),
             leaves=(Ramp("hand_gap", 2.0, 1.0), Ramp("tilt", 1.2, 1.0)),
         ),
         Stage(
             "push it",
-            asks=("target_distance", "approach_speed", "upright"),
+            asks=("target_distance", "target_near", "approach_speed", "upright"),
             enters=(Ramp("hand_gap", 1.0, 0.8), Ramp("tilt", 1.0, 0.8)),
             leaves=(Ramp("near", 1.5, 1.0),),
         ),
