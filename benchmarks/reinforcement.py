@@ -30,7 +30,7 @@ def simulation_rate(config: ReinforcementConfig, seconds: float) -> float:
         target=config.target,
         num_threads=1,
         autoreset_mode="same_step",
-        terminate_on_success=False,
+        terminate_on_success=config.terminate_on_success,
         copy=False,
     )
     env.reset(seed=0)

@@ -1,4 +1,4 @@
-"""Learn to open one drawer with soft actor-critic: one file, Gymnasium and torch, no library of algorithms."""
+"""Learn to open a drawer with soft actor-critic: one file, Gymnasium and torch, no library of algorithms."""
 
 import argparse
 import copy
@@ -75,7 +75,7 @@ def act(actor: nn.Module, seen: torch.Tensor) -> tuple[torch.Tensor, torch.Tenso
 
 
 def make_env(arguments: argparse.Namespace, count: int) -> gym.vector.VectorEnv:
-    """Return as many environments side by side, whose states say where the handle is, or how hands lie."""
+    """Return as many environments side by side, whose states say where the handle is, or what the base sees."""
     says = "state.handle" if arguments.task.startswith("OpenCabinet") else "state.relative"
     return gym.make_vec(
         f"ArtiSkill/{arguments.task}-v0",
@@ -107,7 +107,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--task", default="OpenCabinetDrawer")
     parser.add_argument("--object", default="cabinet-0002")
-    parser.add_argument("--target", default="link_0")
+    parser.add_argument("--target", help="link that is opened (default: each episode draws one)")
     parser.add_argument("--steps", type=int, default=150_000)
     parser.add_argument("--envs", type=int, default=16)
     parser.add_argument("--seed", type=int, default=0)

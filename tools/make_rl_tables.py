@@ -1,8 +1,8 @@
 """Make the tables of reinforcement learning anew: `python tools/make_rl_tables.py --jobs 2`.
 
 `one`: a policy per object and seed. `many`: one over 1, 5, 10, 20 or 25 cabinets. Their states say where handles
-are (`state.handle`) and how hands lie at free objects (`state.relative`); `plain` is `many` with the state of the
-paper. Each is trained, then measured on new levels, by printed commands of `artiskill`. Whatever ends this
+are (`state.handle`), or are what the base sees of free objects (`state.relative`); `plain` is `many` with the
+paper's state. Each is trained, then measured on new levels, by printed commands of `artiskill`. Whatever ends this
 script, the same command goes on. Finished runs stay in docs/data/reinforcement.csv, also without the work folder;
 the tables are made from it.
 """

@@ -21,7 +21,7 @@ import artiskill
 # objects whose hash, which rounds, once differed between processors all the same
 ONCE_UNLIKE = ("chair-0004", "chair-0023", "chair-0028", "chair-0032", "chair-0033", "chair-0034")
 RECORDED = Path(__file__).with_name("digests.json")
-# whose states say more than the paper's
+# whose states are other than the paper's
 STATE_OPTIONS = {
     "OpenCabinetDoor": ("cabinet-0064", "state.handle"),
     "OpenCabinetDrawer": ("cabinet-0002", "state.handle"),

@@ -209,18 +209,21 @@ def test_a_door_that_is_ajar_counts_as_held_and_a_drawer_does_not(
     """Who opens a door farther earns more, in steps as small as the opening's, wherever the hand is."""
     door = make_task("OpenCabinetDoor")
     earned: dict[str, list[np.ndarray]] = {TASK.name: [], door.name: []}
+    grips = []
     openings = np.linspace(0.0, 0.99, 1981)
     for opening in openings:
         snapshot = opened(*moving, opening)
         for task in (TASK, door):
             terms = task.reward_terms(snapshot, moving[1], task.flags(snapshot, moving[1]))
             earned[task.name].append(sum(task.reward_weights[name] * value for name, value in terms.items()))
+        grips.append(terms["grip"])
     doors, drawers = (np.array(earned[name]) for name in (door.name, TASK.name))
     bonus = door.config.reward.stage_bonus
     assert (drawers < bonus[1]).all(), "no hand is at its handle"
     closed, ajar = openings <= 0.10, openings >= 0.25
     np.testing.assert_array_equal(doors[closed], drawers[closed])
     assert (doors[ajar] > bonus[1]).all()
+    np.testing.assert_allclose(np.array(grips)[ajar & (openings < 0.8)], 1.0, atol=1e-12)
     rise = np.diff(doors, axis=0)
     assert (rise > -1e-12).all()
     assert rise[openings[1:] < 0.8].max() < 0.5, "the stage's 8 points come over many small steps"

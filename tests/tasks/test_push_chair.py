@@ -138,8 +138,9 @@ def test_a_chair_that_is_knocked_away_earns_less_than_one_that_waits(instant: tu
     earned = []
     for x, moved in ((1.0, 0.0), (1.0, 0.02), (1.6, 0.0), (1.6, 0.02)):  # m from the target, m in the last step
         here = standing(snapshot, (x, 0.0))
-        before = here.link_position_w + np.array((moved, 0.0, 0.0))
-        here = dataclasses.replace(here, previous_link_position_w=before)
+        before = here.link_position_w - np.array((moved, 0.0, 0.0))  # away from the target
+        velocity = np.array([[moved / here.step_s, 0, 0, 0, 0, 0]])
+        here = dataclasses.replace(here, previous_link_position_w=before, root_velocity_w=velocity)
         assert stage_of(here, goal) == 0
         terms = TASK.reward_terms(here, goal, TASK.flags(here, goal))
         away = {name: value for name, value in terms.items() if not name.startswith("hand_")}  # hands stay behind

@@ -55,7 +55,7 @@ def add_commands(commands: Any) -> None:
         "and command_bc)",
     )
     steps = "gradient steps (default: bc, command_bc: 6000; bcq, td3bc: 20000; dagger: 5200)"
-    add("--steps", type=int, help=f"{steps}, or of environments (sac: at most 300000, ppo: 2000000)")
+    add("--steps", type=int, help=f"{steps}, or of environments (sac: at most 400000, ppo: 2000000)")
     rollouts = "dagger, sac, ppo: learn on these (default: train; dagger: and hundreds of generated ones)"
     add("--objects", nargs="+", metavar="OBJECT", help=rollouts)
     add("--target", metavar="LINK", help="sac, ppo: open only this one (default: each episode draws one)")

@@ -33,7 +33,7 @@ from artiskill.geometry.kernel import allocating_kernel, inlined_kernel, kernel
 from artiskill.geometry.meshes import depth_inside
 from artiskill.geometry.rotations import cross
 from artiskill.sim.snapshot import Snapshot
-from artiskill.tasks.state_vector import FAR_M, ObservationField, along_base_axes
+from artiskill.tasks.state_vector import FAR_M, ObservationField, along_base_axes, base_position
 
 MEASURES = (  # what they mean stands with the task's table of stages
     "hand_angle",
@@ -48,8 +48,9 @@ MEASURES = (  # what they mean stands with the task's table of stages
 # Five points along the fingers' mid-line, as weights of the ends (start, tip) of the two fingers' lines.
 _MIDDLE_WEIGHTS = np.array([(1 - t, t, 1 - t, t) for t in (0.0, 0.25, 0.5, 0.75, 1.0)]) / 2
 _HELD = 0.7  # of the range over which a link comes to count as held
-_RANGES_PER_M = 45.0  # of depth: over the whole range, fingers seem to go 22 mm further in
-_GAP_PER_RANGE = 3.0  # over the whole range, they seem to close from far away to a firm grip
+# Over the whole range, depth seems to rise from -16 to 7 mm, `finger_gap` to fall from 3.1 to 0.1, a firm grip.
+# They begin beyond where the hand comes to count as near: no reward jumps where a link becomes ajar.
+_RANGES_PER_M, _GAP_PER_RANGE = 45.0, 3.0
 NEVER_AJAR = (1e9, 2e9)  # no link opens so far
 _MOST_OPENING = 100.0
 HANDLE_FIELDS = (
@@ -134,12 +135,11 @@ def measure_by_arrays(snapshot: Snapshot, goal: Any, limits: Limits) -> Array:
     ajar = clip((opening - first) / (last - first), 0.0, 1.0)
     gap = xp.maximum(distance[:, 0], distance[:, 1]) / limits.close_m
     is_ajar = ajar > 0
-    held_gap = 1.0 - _GAP_PER_RANGE * (ajar - _HELD)
     measures = {
         "hand_angle": hand_angle(rotation, snapshot.tool_rotation_w[:, 0], goal.grasp_rotations),
         "handle_distance": 0.5 * (distance[:, 0] + distance[:, 1]),
         "depth": xp.where(is_ajar, xp.maximum(depth, (ajar - _HELD) / _RANGES_PER_M), depth),
-        "finger_gap": xp.where(is_ajar, xp.minimum(gap, held_gap), gap),
+        "finger_gap": xp.where(is_ajar, xp.minimum(gap, 1.0 - _GAP_PER_RANGE * (ajar - _HELD)), gap),
         "opening_speed": snapshot.object_qvel[goal.row, goal.joint],
         "opening": opening,
         "speed": snapshot.link_speed_m_s[at] / limits.slow_m_s,
@@ -170,7 +170,7 @@ def describe_handle(snapshot: Snapshot, goal: Any) -> Array:
     axis = rotate(rotation, goal.joint_axis)
     lever = grasp - origin - rotate(rotation, goal.joint_origin)
     velocity = xp.where(goal.turns[:, None], cross(axis, lever, xp), axis)
-    base = xp.concat((snapshot.robot_qpos[:, :2], xp.zeros_like(grasp[:, :1])), axis=1)
+    base = base_position(snapshot)
     hand = snapshot.tool_rotation_w[:, 0]
     ways = (grasp - base, grasp - snapshot.tool_position_w[:, 0], forward, across, hand[:, :, 2], hand[:, :, 1])
     vectors = xp.stack((*ways, velocity), axis=1)  # (B, 7, 3)

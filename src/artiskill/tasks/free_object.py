@@ -19,10 +19,11 @@ from artiskill.tasks.state_vector import (
     FAST,
     ObservationField,
     along_base_axes,
-    in_columns,
+    base_position,
     joint_fields,
     object_size,
     observe_state,
+    side_by_side,
     state_fields,
 )
 
@@ -166,7 +167,8 @@ def free_object_fields(
 def relative_fields(arms: int, props: tuple[str, ...] = ()) -> tuple[ObservationField, ...]:
     """Return what the numbers of `observe_relative` are.
 
-    Joints of the object are not among them: those of casters and wheels turn without end, and say nothing.
+    Joints of the object are not among them. What of it hands can touch is in the ways to its nearest points, and
+    casters and wheels, most of a chair's joints, turn without end.
     """
     return (
         ObservationField("target position, base frame", 3, FAR_M, "m"),
@@ -194,7 +196,7 @@ def observe_free_object(
     """Return the state vector, (B, D) float32, of `free_object_fields`. The goal is at the origin.
 
     Raises:
-        AssetError: the object has more joints than the vector has slots.
+        AssetError: the object has more joints than the paper's vector has slots.
     """
     if state.relative:
         return observe_relative(snapshot, goal)
@@ -216,7 +218,7 @@ def observe_relative(snapshot: Snapshot, goal: "SurfaceGoal") -> Array:
     xp, qpos, qvel = namespace(snapshot.robot_qpos), snapshot.robot_qpos, snapshot.robot_qvel
     place, axes = snapshot.link_position_w[:, :1], snapshot.link_rotation_w[:, 0]
     tools = snapshot.tool_rotation_w
-    base = xp.concat((qpos[:, :2], xp.zeros_like(place[:, 0, :1])), axis=1)[:, None]  # (B, 1, 3)
+    base = base_position(snapshot)[:, None]
     vectors = (
         -base,
         place - base,
@@ -231,7 +233,7 @@ def observe_relative(snapshot: Snapshot, goal: "SurfaceGoal") -> Array:
         snapshot.fingertip_velocity_w,
         qvel[:, None, :3],  # x, y, and the yaw rate, which no turn of the base changes
     )
-    return in_columns((along_base_axes(snapshot, xp.concat(vectors, axis=1)), qpos[:, 3:], qvel[:, 3:]))
+    return side_by_side((along_base_axes(snapshot, xp.concat(vectors, axis=1)), qpos[:, 3:], qvel[:, 3:]))
 
 
 def describe_distance(snapshot: Snapshot, goal: object) -> str:

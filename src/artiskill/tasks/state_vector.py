@@ -15,7 +15,7 @@ from artiskill.sim.snapshot import Snapshot
 
 # Values are clipped to their field's bounds, so that spaces are finite. Nothing in a sane episode reaches them:
 # the base's range is 10 m, and drives turn no joint faster than 3.14 rad/s.
-FAR_M, FAST, _ANGLE_RAD = 20.0, 100.0, 100.0
+FAR_M, FAST, _ANGLE_RAD = 20.0, 100.0, 100.0  # FAST: m/s and rad/s
 _ROOT_SIZE = 13  # position, orientation, linear and angular velocity
 
 
@@ -113,7 +113,13 @@ def observe_state(snapshot: Snapshot, max_joints: int, extra_size: int = 0) -> A
         zeros[:, : free + extra_size],
         *_robot_values(snapshot),
     )
-    return in_columns(values)
+    return side_by_side(values)
+
+
+def base_position(snapshot: Snapshot) -> Array:
+    """Return where the robot's base stands on the ground, (B, 3) in the world."""
+    xp, qpos = namespace(snapshot.robot_qpos), snapshot.robot_qpos
+    return xp.concat((qpos[:, :2], xp.zeros_like(qpos[:, :1])), axis=1)
 
 
 def along_base_axes(snapshot: Snapshot, vectors_w: Array) -> Array:
@@ -127,7 +133,7 @@ def along_base_axes(snapshot: Snapshot, vectors_w: Array) -> Array:
 
 def observe_robot(snapshot: Snapshot, row: int) -> Array:
     """Return the numbers of `robot_fields` alone, of one environment: (1, D) float32."""
-    return in_columns(_robot_values(snapshot, slice(row, row + 1)))
+    return side_by_side(_robot_values(snapshot, slice(row, row + 1)))
 
 
 def _robot_values(snapshot: Snapshot, rows: slice = slice(None)) -> tuple[Array, ...]:
@@ -143,7 +149,7 @@ def _robot_values(snapshot: Snapshot, rows: slice = slice(None)) -> tuple[Array,
     )
 
 
-def in_columns(values: Sequence[Array]) -> Array:
+def side_by_side(values: Sequence[Array]) -> Array:
     """Return arrays (B, n) side by side, in single precision: one call, as a dozen take three times as long."""
     xp = namespace(values[0])
     if xp is np:
