@@ -159,6 +159,16 @@ def test_an_ended_run_goes_on_with_another_threshold(tmp_path: Path, monkeypatch
     assert reinforce(tiny("ppo", **changes), tmp_path / "run").state.step == 480
 
 
+@pytest.mark.parametrize(("name", "ends"), [("sac", True), ("ppo", False)])
+def test_success_ends_training_episodes_as_configured(name: str, ends: bool, tmp_path: Path) -> None:
+    """Episodes of measurements end in any case."""
+    assert load_reinforcement_config(name, TASK).terminate_on_success is ends
+    for wanted in (True, False):
+        run = reinforce(tiny(name, terminate_on_success=wanted), tmp_path / f"{wanted}")
+        made = [run._make_env(2, is_evaluation) for is_evaluation in (False, True)]
+        assert [env._episodes.end_at_success for env in made] == [wanted, True]
+
+
 def test_the_library_is_given_entropy_and_returns(tmp_path: Path) -> None:
     run = reinforce(tiny("sac", **{"algorithm.action_entropy": -0.5, "algorithm.n_steps": 2}), tmp_path / "run")
     assert run.model.target_entropy == -0.5 * 13
