@@ -21,7 +21,7 @@ from artiskill.evaluation.protocols import (
 TASK, OBJECT = "OpenCabinetDrawer", "cabinet-0005"
 DRAWERS = "artiskill-1/OpenCabinetDrawer/test/joint/state"
 # What the names stand for. If one of them changes, so do the numbers: choose another `protocols.VERSION`. (Before
-# the first release, all changed with the key `state`, all but those of buckets with rewards; success is as before.)
+# the first release, all changed with the key `state`, all but buckets' with rewards; success is as before.)
 DIGESTS = {
     "artiskill-1/OpenCabinetDoor/test/joint/pointcloud": "c1a98c5006940b68",
     "artiskill-1/OpenCabinetDoor/ood/joint/pointcloud": "41e17acf366d1215",
