@@ -10,8 +10,10 @@ torch = pytest.importorskip("torch")
 
 from tests.learning.tiny_set import TASK, tiny_config
 
+from artiskill.cli.main import main
 from artiskill.config import dump_yaml
 from artiskill.errors import ConfigError, RunError, UnknownNameError
+from artiskill.learning.reinforcement_config import load_reinforcement_config
 from artiskill.learning.train_config import check_development, load_train_config, read_train_config
 
 
@@ -115,3 +117,10 @@ def test_importing_it_imports_no_torch() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
     assert done.stdout.strip() == "False"
+
+
+def test_the_help_says_how_many_steps_agents_learn_from(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["train", "--help"])
+    steps = {name: load_reinforcement_config(name, TASK).steps for name in ("sac", "ppo")}
+    assert f"(sac: at most {steps['sac']}, ppo: {steps['ppo']})" in " ".join(capsys.readouterr().out.split())
