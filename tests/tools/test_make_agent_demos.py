@@ -1,0 +1,85 @@
+"""Agents that demonstrate: what is run, what is taken up again, the table; commands are not the real ones."""
+
+import itertools
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+import make_agent_demos as script
+from make_agent_demos import BEGIN, COST, END
+
+
+@pytest.fixture
+def commands(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """Commands that were called; each leaves what the real one would."""
+    called: list[list[str]] = []
+
+    def call(command: list[str], environment: object) -> bool:
+        called.append(command)
+        options = dict(itertools.pairwise(command))
+        if command[1] == "stats":
+            row = {"trajectories": 300, "attempts": 310, "mean_length": 40.26, "bytes_per_trajectory": 9200.4}
+            Path(options["--json"]).write_text(json.dumps([{"objects": [row]}]))
+        elif command[1] != "verify":
+            out = Path(options["--out"])
+            out.mkdir(parents=True)
+            if command[0] == "train":
+                (out / "metrics.csv").write_text("step,seconds\n1000,30\n120000,300\n")
+            elif command[0] == "evaluate":
+                rows = [{"object": "one", "episodes": 100, "successes": 98}]
+                (out / "report.json").write_text(json.dumps({"objects": rows, "timing": {"seconds": 1.0}}))
+        return True
+
+    monkeypatch.setattr("learning_tables.commands.call", call)
+    return called
+
+
+def run(folder: Path, *options: str) -> int:
+    page = folder / "page.md"
+    if not page.exists():
+        page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
+    return script.main(["--work", str(folder / "work"), "--page", str(page), "--jobs", "1", *options])
+
+
+def names(commands: list[list[str]]) -> list[str]:
+    return [" ".join(command[:2]) if command[0] == "demos" else command[0] for command in commands]
+
+
+def test_each_object_has_an_agent_that_demonstrates(tmp_path: Path, commands: list[list[str]]) -> None:
+    assert run(tmp_path, "--objects", "2") == 0
+    assert names(commands) == ["train", "evaluate", "demos collect", "demos stats", "demos verify"] * 2
+    collect = commands[2]
+    assert collect[collect.index("--policy") + 1] == commands[0][commands[0].index("--out") + 1]
+    assert collect[collect.index("--per-object") + 1] == "300"
+    page = (tmp_path / "page.md").read_text()
+    assert "| cabinet-0002 | link_0 | 120 | 98% | 300 of 310 | 40 | 9.2 | 5.0 |" in page
+    assert "| all 2 |  | 240 | 98% | 600 of 620 | 40 | 9.2 | 10.0 |" in page
+    assert page.startswith("before\n")
+    assert page.endswith("after\n")
+
+
+def test_what_is_finished_is_not_run_again(tmp_path: Path, commands: list[list[str]]) -> None:
+    assert run(tmp_path, "--objects", "1") == 0
+    commands.clear()
+    assert run(tmp_path, "--objects", "1") == 0
+    assert commands == []
+    (next((tmp_path / "work").rglob(COST))).unlink()  # killed before it was verified
+    assert run(tmp_path, "--objects", "1") == 0
+    assert names(commands) == ["demos collect", "demos stats", "demos verify"]
+    commands.clear()
+    shutil.rmtree(tmp_path / "work")
+    assert run(tmp_path, "--objects", "0") == 0
+    assert "cabinet-0002" in (tmp_path / "page.md").read_text()  # from the CSV file
+
+
+def test_demonstrations_that_fail_are_in_no_table(
+    tmp_path: Path, commands: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    call = script.commands.call
+    monkeypatch.setattr(
+        "learning_tables.commands.call", lambda command, env: call(command, env) and command[1] != "verify"
+    )
+    assert run(tmp_path, "--objects", "1") == 1
+    assert "Nothing is measured yet." in (tmp_path / "page.md").read_text()

@@ -1,0 +1,172 @@
+"""Divide and conquer, as an example: `python tools/make_agent_demos.py --jobs 2`.
+
+An agent per object learns to open one drawer (`sac`, as in make_rl_tables.py, whose finished runs are used), is
+measured on new levels, and demonstrates; its demonstrations are played again and compared bit for bit. What each
+object costs goes to docs/data/agent_demos.csv and into docs/reinforcement_learning.md. Whatever ends this script,
+the same command goes on.
+"""
+
+import argparse
+import csv
+import json
+import os
+import shutil
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import make_rl_tables
+from artiskill.errors import ArtiSkillError
+from artiskill.files import atomic_write, parse_json, read_bytes, read_text
+from artiskill.gallery.facts import markdown
+from artiskill.jobs.parallel import available_cores
+from learning_tables import commands
+from learning_tables.commands import in_pool
+from learning_tables.markdown import write_between
+from learning_tables.results import read_measured, read_rows, write_rows
+from make_rl_tables import MANY_TASK, ONE, PAGE, Policy, trained_on
+
+TABLE = Path("data", "agent_demos.csv")  # beside the page
+BEGIN, END = "<!-- made by tools/make_agent_demos.py -->", "<!-- end of the agents' demonstrations -->"
+OBJECTS, PER_OBJECT = 10, 300
+CSV_HEAD = ["object", "target", "steps", "training seconds", "episodes", "successes"]
+CSV_HEAD += ["demonstrations", "attempts", "mean steps", "bytes each", "collecting seconds"]
+HEAD = [
+    "object",
+    "target",
+    "thousand steps",
+    "solved of new levels",
+    "demonstrations of attempts",
+    "steps each",
+    "kB each",
+]
+HEAD += ["minutes of training", "of collecting"]
+COST = "cost.json"  # beside the demonstrations, once they are verified
+
+
+def main(arguments: list[str]) -> int:
+    """Train, measure, collect, verify, write; exit status 1 if a command failed, 2 for an illegal option."""
+    options = make_parser().parse_args(arguments)
+    agents = [
+        Policy(ONE, MANY_TASK, (name,), target, "sac", 0) for name, target, _ in sorted(trained_on(MANY_TASK))
+    ]
+    agents = agents[: options.objects]
+    try:
+        succeeded = in_pool(lambda agent: run(agent, options), agents, options.jobs)
+        write_table([agent for agent in agents if (demos_of(agent, options.work) / COST).is_file()], options)
+    except ArtiSkillError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return int(not succeeded)
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of the script's options."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add = parser.add_argument
+    add("--work", type=Path, default=Path("results/reinforcement"), help="folder (default: %(default)s)")
+    add("--page", type=Path, default=PAGE, help="with the two marks (default: docs/reinforcement_learning.md)")
+    add("--objects", type=int, default=OBJECTS, help="the first ones of training (default: %(default)s)")
+    add("--per-object", type=int, default=PER_OBJECT, help="demonstrations (default: %(default)s)")
+    add("--jobs", type=int, default=available_cores(), help="agents at once, a core each (default: all cores)")
+    return parser
+
+
+def run(agent: Policy, options: argparse.Namespace) -> bool:
+    """Train and measure an agent and have it demonstrate, as far as that is missing; return whether all worked."""
+    told = argparse.Namespace(work=options.work, steps=None, set=[])
+    return make_rl_tables.run(agent, told) and demonstrate(agent, options.work, options.per_object)
+
+
+def demonstrate(agent: Policy, work: Path, per_object: int) -> bool:
+    """Collect what is asked for and verify it; what an interruption left is made anew, or times were wrong."""
+    folder, environment = demos_of(agent, work), {**os.environ, "OMP_NUM_THREADS": "1"}
+    cost = folder / COST
+    if cost.is_file() and parse_json(read_bytes(cost))["demonstrations"] == per_object:
+        return True
+    shutil.rmtree(folder, ignore_errors=True)
+    began = time.perf_counter()
+    if not commands.call(collect_command(agent, work, per_object), environment):
+        return False
+    seconds = time.perf_counter() - began
+    counted = folder / "stats.json"
+    for command in (["stats", str(folder), "--json", str(counted)], ["verify", str(folder), "--workers", "1"]):
+        if not commands.call(["demos", *command], environment):
+            return False
+    (found,) = parse_json(read_bytes(counted))
+    (row,) = found["objects"]
+    values = {
+        "demonstrations": row["trajectories"],
+        "attempts": row["attempts"],
+        "mean steps": round(row["mean_length"], 1),
+        "bytes each": round(row["bytes_per_trajectory"]),
+        "collecting seconds": round(seconds, 1),
+    }
+    with atomic_write(cost) as temporary:
+        temporary.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
+    return True
+
+
+def demos_of(agent: Policy, work: Path) -> Path:
+    """Return the folder of an agent's demonstrations."""
+    return work / "demos" / agent.task / agent.name
+
+
+def collect_command(agent: Policy, work: Path, per_object: int) -> list[str]:
+    """Return the command that has an agent demonstrate."""
+    command = ["demos", "collect", "--task", agent.task, "--objects", agent.name, "--targets", agent.target]
+    command += ["--policy", str(agent.folder(work) / "run"), "--per-object", str(per_object)]
+    return [*command, "--out", str(demos_of(agent, work)), "--workers", "1"]
+
+
+def write_table(agents: Sequence[Policy], options: argparse.Namespace) -> None:
+    """Write the CSV file, rows of other objects included, and what stands between the marks of the page.
+
+    Raises:
+        ConfigError: the page cannot be read, or lacks the marks; the CSV file has other columns.
+    """
+    path = options.page.parent / TABLE
+    found = {row["object"]: row for row in read_rows(path, CSV_HEAD)}
+    found |= {agent.name: row_of(agent, options.work) for agent in agents}
+    rows = [found[name] for name in sorted(found)]
+    write_rows(path, [CSV_HEAD, *([row[name] for name in CSV_HEAD] for row in rows)])
+    write_between(options.page, BEGIN, END, table_text(rows))
+
+
+def row_of(agent: Policy, work: Path) -> dict[str, str]:
+    """Return the row of an object whose agent has demonstrated."""
+    measured = read_measured(agent.folder(work) / "new")
+    *_, last = csv.DictReader(read_text(agent.folder(work) / "run" / "metrics.csv").splitlines())
+    row = {
+        "object": agent.name,
+        "target": agent.target,
+        "steps": last["step"],
+        "training seconds": last["seconds"],
+    }
+    row |= {"episodes": str(measured.episodes.total()), "successes": str(measured.successes.total())}
+    return row | {name: str(value) for name, value in parse_json(read_bytes(demos_of(agent, work) / COST)).items()}
+
+
+def table_text(rows: Sequence[dict[str, str]]) -> str:
+    """Return the table, with all objects together below."""
+    if not rows:
+        return "Nothing is measured yet."
+    cells = [_cells([row], row["object"], row["target"]) for row in rows]
+    return markdown(HEAD, [*cells, _cells(rows, f"all {len(rows)}", "")])
+
+
+def _cells(rows: Sequence[dict[str, str]], name: str, target: str) -> list[str]:
+    """Return the cells of a row of the page, of one object or of several together."""
+    total = {key: sum(float(row[key]) for row in rows) for key in CSV_HEAD[2:]}
+    made, tried = total["demonstrations"], total["attempts"]
+    minutes = total["training seconds"] / 60, total["collecting seconds"] / 60
+    return [
+        *(name, target, f"{total['steps'] / 1000:,.0f}", f"{total['successes'] / total['episodes']:.0%}"),
+        *(f"{made:,.0f} of {tried:,.0f}", f"{total['mean steps'] / len(rows):.0f}"),
+        *(f"{total['bytes each'] / len(rows) / 1000:.1f}", f"{minutes[0]:.1f}", f"{minutes[1]:.1f}"),
+    ]
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
