@@ -124,6 +124,17 @@ def test_stages_on_the_way(instant: tuple[Snapshot, Any]) -> None:
     assert stage_of(with_hands(carried, goal), goal) == 4
 
 
+def test_hands_on_one_side_do_not_hold_a_bucket(instant: tuple[Snapshot, Any]) -> None:
+    """They would tip it."""
+    gripped = with_hands(held(instant[0], (1.0, 0.0, 0.0)), instant[1])
+    first = gripped.tool_position_w[:, :1].repeat(2, axis=1)
+    one_side = dataclasses.replace(
+        gripped, tool_position_w=first, finger_line_w=first[:, :, None].repeat(2, axis=2).repeat(2, axis=1)
+    )
+    assert stage_of(gripped, instant[1]) == 1
+    assert stage_of(one_side, instant[1]) == 0
+
+
 def earned(snapshot: Snapshot, goal: Any) -> float:
     terms = TASK.reward_terms(snapshot, goal, TASK.flags(snapshot, goal))
     return sum(weight * float(terms[name][0]) for name, weight in TASK.reward_weights.items())

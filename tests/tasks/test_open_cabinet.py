@@ -215,18 +215,57 @@ def test_a_door_that_is_ajar_counts_as_held_and_a_drawer_does_not(
         snapshot = opened(*moving, opening)
         for task in (TASK, door):
             terms = task.reward_terms(snapshot, moving[1], task.flags(snapshot, moving[1]))
-            earned[task.name].append(sum(task.reward_weights[name] * value for name, value in terms.items()))
+            weights = task.reward_weights
+            earned[task.name].append(sum(weights.get(name, 0.0) * value for name, value in terms.items()))
         grips.append(terms["grip"])
     doors, drawers = (np.array(earned[name]) for name in (door.name, TASK.name))
     bonus = door.config.reward.stage_bonus
     assert (drawers < bonus[1]).all(), "no hand is at its handle"
-    closed, ajar = openings <= 0.10, openings >= 0.25
-    np.testing.assert_array_equal(doors[closed], drawers[closed])
+    first, last = door.config.reward.ajar
+    closed, ajar = openings <= first, openings >= last
+    assert (doors[closed] == doors[0]).all()
     assert (doors[ajar] > bonus[1]).all()
     np.testing.assert_allclose(np.array(grips)[ajar & (openings < 0.8)], 1.0, atol=1e-12)
     rise = np.diff(doors, axis=0)
     assert (rise > -1e-12).all()
-    assert rise[openings[1:] < 0.8].max() < 0.5, "the stage's 8 points come over many small steps"
+    assert rise[openings[1:] < 0.8].max() < 0.5, "the stage's points come over many small steps"
+
+
+@pytest.mark.parametrize(
+    ("name", "object_id"), [("OpenCabinetDrawer", "cabinet-0002"), ("OpenCabinetDoor", "cabinet-0064")]
+)
+def test_the_first_tenth_of_the_way_earns_more_than_it_costs_to_lose_the_handle(name: str, object_id: str) -> None:
+    """Else agents hold it and keep still."""
+    task, (snapshot, goal) = make_task(name), gripping(load_object(object_id), "link_0")
+
+    def earned(given: Snapshot) -> float:
+        terms = task.reward_terms(given, goal, task.flags(given, goal))
+        return float(sum(task.reward_weights.get(key, 0.0) * value[0] for key, value in terms.items()))
+
+    lost, _ = gripping(load_object(object_id), "link_0", along_m=0.05)
+    bonus, held = task.config.reward.stage_bonus, earned(snapshot)
+    assert earned(lost) < bonus[1] < held
+    assert earned(opened(snapshot, goal, np.array([0.1]))) - held > held - bonus[1]
+
+
+def test_a_hand_is_drawn_behind_a_door_once_it_is_ajar() -> None:
+    task, (snapshot, goal) = make_task("OpenCabinetDoor"), gripping(load_object("cabinet-0064"), "link_0")
+    link, first = goal.link[0], task.config.reward.ajar[1]
+    rotation = snapshot.link_rotation_w[0, link]
+    place = snapshot.link_position_w[0, link] + rotation @ goal.pushing_position[0]
+    grasp = snapshot.link_position_w[0, link] + rotation @ goal.grasp_positions[0, 0]
+    lever = grasp - snapshot.link_position_w[0, link] - rotation @ goal.joint_origin[0]
+    opens = np.cross(rotation @ goal.joint_axis[0], lever)  # where the handle goes
+    assert (place - grasp) @ opens == pytest.approx(-0.1 * np.linalg.norm(opens))
+    for opening, hand, expected in (
+        (0.0, place, 0.0),
+        (first, place, 1.0),
+        (first, grasp, 0.75),
+        (0.5, place, 1.0),
+    ):
+        there = dataclasses.replace(opened(snapshot, goal, np.array([opening])), tool_position_w=hand[None, None])
+        terms = task.reward_terms(there, goal, task.flags(there, goal))
+        assert terms["hand_behind"][0] == pytest.approx(expected, abs=1e-9)
 
 
 def test_ajar_is_a_range_of_the_opening() -> None:

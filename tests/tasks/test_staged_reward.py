@@ -41,7 +41,7 @@ def reward(
     table: StageTable, bonus: Sequence[float], weights: dict[str, float], measured: np.ndarray, stage: np.ndarray
 ) -> np.ndarray:
     terms = table.evaluate(named(table, measured), stage, bonus)
-    return np.asarray(sum(weights[name] * value for name, value in terms.items()))
+    return np.asarray(sum(weights.get(name, 0.0) * value for name, value in terms.items()))
 
 
 def share_of(table: StageTable, ramps: Sequence[Ramp], measured: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ definition that a test holds the kernels to. Handle data is in the frame of the 
 
 A link that is ajar counts as held, if the task says so: `finger_gap` and `depth` then are as if the fingers closed
 in while it opens. At `_HELD` of the range that the task gives, they are at the handle, at its end they grip it.
+`pushing_distance` is from the place behind the handle at which the link is pushed open, and comes to count then.
 
 The state of the paper has joints and a root: enough for an agent of one cabinet, which learns where the handle is.
 Of many cabinets `describe_handle` says where the hand shall go, and in which direction it shall pull.
@@ -26,6 +27,7 @@ from artiskill.geometry.arrays import (
     dot,
     matmul,
     namespace,
+    norm,
     rotate,
     total,
 )
@@ -43,6 +45,7 @@ MEASURES = (  # what they mean stands with the task's table of stages
     "opening_speed",
     "opening",
     "speed",
+    "pushing_distance",
     "angular_speed",
 )
 # Five points along the fingers' mid-line, as weights of the ends (start, tip) of the two fingers' lines.
@@ -51,6 +54,7 @@ _HELD = 0.7  # of the range over which a link comes to count as held
 # Over the whole range, depth seems to rise from -16 to 7 mm, `finger_gap` to fall from 3.1 to 0.1, a firm grip.
 # They begin beyond where the hand comes to count as near: no reward jumps where a link becomes ajar.
 _RANGES_PER_M, _GAP_PER_RANGE = 45.0, 3.0
+_CLOSED_M = 1.0  # so much farther than it is seems the place from which a door is pushed, until it is ajar
 NEVER_AJAR = (1e9, 2e9)  # no link opens so far
 _MOST_OPENING = 100.0
 HANDLE_FIELDS = (
@@ -116,8 +120,13 @@ def measure(snapshot: Snapshot, goal: Any, limits: Limits) -> Array:
         snapshot.step_s,
         goal.joint,
         (snapshot.object_qpos, snapshot.object_qvel, goal.lower, goal.open_qpos),
-        (as_one(snapshot.link_rotation_w), as_one(snapshot.finger_line_w), as_one(snapshot.tool_rotation_w)),
-        (goal.handle_points, goal.handle_planes, goal.grasp_rotations, _MIDDLE_WEIGHTS),
+        (
+            as_one(snapshot.link_rotation_w),
+            as_one(snapshot.finger_line_w),
+            as_one(snapshot.tool_rotation_w),
+            as_one(snapshot.tool_position_w),
+        ),
+        (goal.handle_points, goal.handle_planes, goal.grasp_rotations, goal.pushing_position, _MIDDLE_WEIGHTS),
         (*map(float, limits[:3]), *map(float, limits.ajar)),
         measured,
     )
@@ -135,6 +144,7 @@ def measure_by_arrays(snapshot: Snapshot, goal: Any, limits: Limits) -> Array:
     ajar = clip((opening - first) / (last - first), 0.0, 1.0)
     gap = xp.maximum(distance[:, 0], distance[:, 1]) / limits.close_m
     is_ajar = ajar > 0
+    place = origin + rotate(rotation, goal.pushing_position)
     measures = {
         "hand_angle": hand_angle(rotation, snapshot.tool_rotation_w[:, 0], goal.grasp_rotations),
         "handle_distance": 0.5 * (distance[:, 0] + distance[:, 1]),
@@ -143,6 +153,7 @@ def measure_by_arrays(snapshot: Snapshot, goal: Any, limits: Limits) -> Array:
         "opening_speed": snapshot.object_qvel[goal.row, goal.joint],
         "opening": opening,
         "speed": snapshot.link_speed_m_s[at] / limits.slow_m_s,
+        "pushing_distance": norm(snapshot.tool_position_w[:, 0] - place) + _CLOSED_M * (1.0 - ajar),
         "angular_speed": snapshot.link_angular_speed_rad_s[at] / limits.slow_rad_s,
     }
     return columns([measures[name] for name in MEASURES])
@@ -271,14 +282,14 @@ def _measure_kernel(
         step_s: the time between.
         joints: (B,) of the targets.
         motions: of all joints value and velocity, of the targets' lower and open value.
-        hands: rotations of all links, the fingers' lines, the hands' rotations.
-        handles: points, planes, grasps, and the weights of the points between the fingers.
+        hands: rotations of all links, the fingers' lines, the hands' rotations and places.
+        handles: points, planes, grasps, places to push at, and the weights of the points between the fingers.
         limits: what counts as close and as still, and from where to where as ajar.
         out: is filled.
     """
     object_qpos, object_qvel, lower, open_qpos = motions
-    link_rotation, finger_line, tool_rotation = hands
-    points, planes, grasps, weights = handles
+    link_rotation, finger_line, tool_rotation, tool_position = hands
+    points, planes, grasps, places, weights = handles
     close_m, slow_m_s, slow_rad_s, first_ajar, last_ajar = limits
     ends, sample, hand = np.empty((4, 3)), np.empty(3), np.empty((3, 3))
     for b in range(links.shape[0]):
@@ -302,9 +313,17 @@ def _measure_kernel(
         opening = (object_qpos[b, joint] - lower[b]) / (open_qpos[b] - lower[b])
         out[b, 5] = opening
         out[b, 6] = speed / slow_m_s
-        out[b, 7] = angular_speed / slow_rad_s
+        squares = 0.0  # of the way from where the link is pushed to the hand
+        for i in range(3):
+            gap = tool_position[b, 0, i] - poses[0][b, link, i]
+            for k in range(3):
+                gap -= rotation[i, k] * places[b, k]
+            squares += gap * gap
+        out[b, 7] = np.sqrt(squares) + _CLOSED_M
+        out[b, 8] = angular_speed / slow_rad_s
         if opening > first_ajar:
             ajar = min((opening - first_ajar) / (last_ajar - first_ajar), 1.0)
+            out[b, 7] -= _CLOSED_M * ajar
             out[b, 2] = max(out[b, 2], (ajar - _HELD) / _RANGES_PER_M)
             out[b, 3] = min(out[b, 3], 1.0 - _GAP_PER_RANGE * (ajar - _HELD))
 
@@ -376,8 +395,8 @@ def load_kernels() -> None:
     first, ones, place, turn = np.zeros(1, np.int64), np.ones(1), np.ones((1, 1, 3)), np.ones((1, 1, 4))
     poses, rotation, one = (place, place, turn, turn), np.ones((1, 1, 3, 3)), np.ones((1, 1))
     _motion_kernel(first, poses, 1.0, np.empty((2, 1)))
-    hands = rotation, np.ones((1, 2, 2, 3)), rotation
-    handles = np.ones((1, 3, 1)), turn, rotation, _MIDDLE_WEIGHTS
+    hands = rotation, np.ones((1, 2, 2, 3)), rotation, place
+    handles = np.ones((1, 3, 1)), turn, rotation, np.ones((1, 3)), _MIDDLE_WEIGHTS
     measured = np.empty((1, len(MEASURES)))
     limits = (1.0, 1.0, 1.0, *NEVER_AJAR)
     _measure_kernel(first, poses, 1.0, first, (one, one, ones, ones), hands, handles, limits, measured)

@@ -37,6 +37,7 @@ from artiskill.tasks.task import Task, TaskConfig
 
 FLAG_NAMES = ("balls_in_bucket", "bucket_above_platform", "bucket_standing", "bucket_static")
 _BALL = "ball"
+_OPPOSITE = -0.5  # cosine below which two hands hold a bucket between them
 _PLATFORM_RGBA, _BALL_RGBA = (0.35, 0.24, 0.14, 1.0), (0.05, 0.25, 0.65, 1.0)
 
 # Measures:
@@ -54,9 +55,12 @@ _PLATFORM_RGBA, _BALL_RGBA = (0.35, 0.24, 0.14, 1.0), (0.05, 0.25, 0.65, 1.0)
 TABLE = StageTable(
     terms={
         "hand_distance": Ramp("hand_distance", 2.0, 0.0),
+        "hand_near": Ramp("hand_distance", 0.6, 0.05),
+        "grip": Ramp("hand_distance", 0.12, 0.01),
         "opposite": Ramp("opposite", 1.0, -1.0),
-        "hand_level": Ramp("hand_level", 0.2, 0.0),
+        "hand_level": Ramp("hand_level", 0.6, 0.0),
         "upright": Ramp("tilt", 1.0, 0.0),
+        "begun": Ramp("rise", 0.0, 0.25),
         "rise": Ramp("rise", 0.0, 1.0),
         "rising_speed": Ramp("rising_speed", -0.1, 0.3),
         "target_distance": Ramp("target_distance", 2.0, 0.0),
@@ -66,13 +70,23 @@ TABLE = StageTable(
     stages=(
         Stage(
             "approach the bucket",
-            asks=("hand_distance", "opposite", "hand_level", "upright"),
-            leaves=(Ramp("hand_gap", 2.0, 1.0), Ramp("tilt", 1.2, 1.0), Ramp("ball_depth", -0.1, 0.0)),
+            asks=("hand_distance", "hand_near", "opposite", "hand_level", "upright"),
+            leaves=(
+                Ramp("opposite", 0.0, _OPPOSITE),
+                Ramp("hand_gap", 2.0, 1.0),
+                Ramp("tilt", 1.2, 1.0),
+                Ramp("ball_depth", -0.1, 0.0),
+            ),
         ),
         Stage(
             "lift it",
-            asks=("opposite", "hand_level", "upright", "rise", "rising_speed"),
-            enters=(Ramp("hand_gap", 1.0, 0.8), Ramp("tilt", 1.0, 0.8), Ramp("ball_depth", 0.0, 0.03)),
+            asks=("grip", "opposite", "hand_level", "upright", "begun", "rise", "rising_speed"),
+            enters=(
+                Ramp("opposite", _OPPOSITE, -0.7),
+                Ramp("hand_gap", 1.0, 0.8),
+                Ramp("tilt", 1.0, 0.8),
+                Ramp("ball_depth", 0.0, 0.05),
+            ),
             leaves=(Ramp("rise", 0.8, 1.0),),
         ),
         Stage(
@@ -320,7 +334,7 @@ def reward_terms(
         **arrival,
     }
     solved = flags["bucket_standing"] & flags["bucket_static"] & (arrival["near"] <= SAFELY_NEAR)
-    held = (hands <= config.close_distance_m) * (1 + (rise >= 1.0))  # (B,) 0 to 2
+    held = ((hands <= config.close_distance_m) & (opposite <= _OPPOSITE)) * (1 + (rise >= 1.0))  # (B,) 0 to 2
     stage = xp.where(flags["bucket_above_platform"], 3 + solved, held)
     stage = xp.where(flags["balls_in_bucket"] & (tilt <= 1.0), stage, xp.zeros_like(stage))
     return TABLE.evaluate(measures, stage, config.stage_bonus)

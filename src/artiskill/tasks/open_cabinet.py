@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from artiskill.assets.articulated_object import ArticulatedObject, JointKind
+from artiskill.assets.articulated_object import ArticulatedObject, Handle, Joint, JointKind
 from artiskill.assets.handles import is_handle_part
 from artiskill.config import (
     check_inside,
@@ -51,6 +51,7 @@ _NO_PLANE = np.array((0.0, 0.0, 0.0, -1e3))
 # The last stage begins a little further than open enough: a link that is opened slowly, and so counts as still,
 # would otherwise skip the stage before it.
 _SAFELY_OPEN = 1.02
+_BEHIND_M = 0.1  # of the handle's grasp pose, where a hand pushes from inside: beyond a knob, a door and a finger
 _COLUMN = {name: i for i, name in enumerate(MEASURES)}
 
 # Measures:
@@ -61,6 +62,7 @@ _COLUMN = {name: i for i, name in enumerate(MEASURES)}
 #   opening_speed     velocity of the joint, m/s or rad/s
 #   opening           how far it is open: 0 closed, 1 open enough
 #   speed             of the target link, over what counts as still
+#   pushing_distance  of the hand from where a door is pushed, behind its handle, m; 1 m more until it is ajar
 #   angular_speed     of the target link, over what counts as still
 TABLE = StageTable(
     terms={
@@ -69,8 +71,10 @@ TABLE = StageTable(
         "enclosure": Ramp("depth", -0.01, 0.004),
         "grip": Ramp("finger_gap", 1.0, 0.2),
         "opening_speed": Ramp("opening_speed", -0.1, 0.5),
+        "begun": Ramp("opening", 0.0, 0.1),
         "opening": Ramp("opening", 0.0, 1.0),
         "slow": Ramp("speed", 10.0, 0.0),
+        "hand_behind": Ramp("pushing_distance", 0.4, 0.0),
     },
     stages=(
         Stage(
@@ -80,7 +84,7 @@ TABLE = StageTable(
         ),
         Stage(
             "close to the handle",
-            asks=("grip", "opening_speed", "opening"),
+            asks=("hand_behind", "grip", "opening_speed", "begun", "opening"),
             enters=(Ramp("finger_gap", 1.0, 0.8), Ramp("depth", 0.0, 0.002)),
             leaves=(Ramp("opening", 0.8, 1.0),),
         ),
@@ -232,6 +236,7 @@ class CabinetGoal:
         grasp_positions: (B, G, 3) tool-centre points.
         grasp_rotations: (B, G, 3, 3) hand orientations, columns are the hand's axes.
         grasp_width_m: (B,) extent of the handle between the pads.
+        pushing_position: (B, 3) place behind the handle where a hand pushes the link open.
     """
 
     PADDING: ClassVar[Mapping[str, np.ndarray | None]] = {
@@ -255,6 +260,7 @@ class CabinetGoal:
     grasp_positions: Array
     grasp_rotations: Array
     grasp_width_m: Array
+    pushing_position: Array
 
 
 def make_cabinet_goal(obj: ArticulatedObject, target: str, open_fraction: float) -> CabinetGoal:
@@ -290,7 +296,15 @@ def make_cabinet_goal(obj: ArticulatedObject, target: str, open_fraction: float)
         grasp_positions=handle.grasp_positions[None],
         grasp_rotations=quat_to_matrix(handle.grasp_quaternions)[None],
         grasp_width_m=np.array([handle.grasp_width_m]),
+        pushing_position=_pushing_position(link.joint, handle)[None],
     )
+
+
+def _pushing_position(joint: Joint, handle: Handle) -> np.ndarray:
+    """Return the place behind a link's handle where a hand pushes it open, in the link's frame."""
+    grasp = handle.grasp_positions[0]
+    way = np.cross(joint.axis, grasp - joint.origin) if joint.kind == "revolute" else joint.axis
+    return np.asarray(grasp - _BEHIND_M * way / np.linalg.norm(way))
 
 
 def sample_initial_state(

@@ -55,7 +55,7 @@ TABLE = StageTable(
         "hand_near": Ramp("hand_distance", 0.6, 0.05),
         "upright": Ramp("tilt", 1.0, 0.0),
         "target_distance": Ramp("target_distance", 2.0, 0.0),
-        "target_near": Ramp("target_distance", 1.5, 0.15),
+        "target_near": Ramp("target_distance", 1.0, 0.15),
         "approach_speed": Ramp("approach_speed", -0.2, 0.4),
         "slow": Ramp("speed", 5.0, 0.0),
     },
