@@ -30,18 +30,10 @@ from make_rl_tables import MANY_TASK, ONE, PAGE, Policy, trained_on
 TABLE = Path("data", "agent_demos.csv")  # beside the page
 BEGIN, END = "<!-- made by tools/make_agent_demos.py -->", "<!-- end of the agents' demonstrations -->"
 OBJECTS, PER_OBJECT = 10, 300
-CSV_HEAD = ["object", "target", "steps", "training seconds", "episodes", "successes"]
-CSV_HEAD += ["demonstrations", "attempts", "mean steps", "bytes each", "collecting seconds"]
-HEAD = [
-    "object",
-    "target",
-    "thousand steps",
-    "solved of new levels",
-    "demonstrations of attempts",
-    "steps each",
-    "kB each",
-]
-HEAD += ["minutes of training", "of collecting"]
+CSV_HEAD = ["object", "target", "training steps", "training seconds", "episodes", "successes"]
+CSV_HEAD += ["asked for", "demonstrations", "attempts", "steps", "bytes", "collecting seconds"]
+HEAD = ["object", "target", "thousand steps of training", "minutes", "solved of new levels"]
+HEAD += ["demonstrations of attempts", "steps each", "kB each", "seconds of collecting"]
 COST = "cost.json"  # beside the demonstrations, once they are verified
 
 
@@ -80,27 +72,32 @@ def run(agent: Policy, options: argparse.Namespace) -> bool:
 
 
 def demonstrate(agent: Policy, work: Path, per_object: int) -> bool:
-    """Collect what is asked for and verify it; what an interruption left is made anew, or times were wrong."""
+    """Collect what is asked for and verify it; what an interruption left is made anew, or times were wrong.
+
+    An agent that solves too little gives up, as `artiskill demos collect` has it: its row says how far it got.
+    """
     folder, environment = demos_of(agent, work), {**os.environ, "OMP_NUM_THREADS": "1"}
-    cost = folder / COST
-    if cost.is_file() and parse_json(read_bytes(cost))["demonstrations"] == per_object:
+    cost, counted = folder / COST, folder / "stats.json"
+    if cost.is_file() and parse_json(read_bytes(cost))["asked for"] == per_object:
         return True
     shutil.rmtree(folder, ignore_errors=True)
     began = time.perf_counter()
-    if not commands.call(collect_command(agent, work, per_object), environment):
-        return False
+    collected = commands.call(collect_command(agent, work, per_object), environment)
     seconds = time.perf_counter() - began
-    counted = folder / "stats.json"
-    for command in (["stats", str(folder), "--json", str(counted)], ["verify", str(folder), "--workers", "1"]):
-        if not commands.call(["demos", *command], environment):
-            return False
+    if not commands.call(["demos", "stats", str(folder), "--json", str(counted)], environment):
+        return False
     (found,) = parse_json(read_bytes(counted))
     (row,) = found["objects"]
+    if not collected and not row["gave_up"]:
+        return False
+    if not commands.call(["demos", "verify", str(folder), "--workers", "1"], environment):
+        return False
     values = {
+        "asked for": per_object,
         "demonstrations": row["trajectories"],
         "attempts": row["attempts"],
-        "mean steps": round(row["mean_length"], 1),
-        "bytes each": round(row["bytes_per_trajectory"]),
+        "steps": round(row["trajectories"] * row["mean_length"]),
+        "bytes": round(row["trajectories"] * row["bytes_per_trajectory"]),
         "collecting seconds": round(seconds, 1),
     }
     with atomic_write(cost) as temporary:
@@ -141,7 +138,7 @@ def row_of(agent: Policy, work: Path) -> dict[str, str]:
     row = {
         "object": agent.name,
         "target": agent.target,
-        "steps": last["step"],
+        "training steps": last["step"],
         "training seconds": last["seconds"],
     }
     row |= {"episodes": str(measured.episodes.total()), "successes": str(measured.successes.total())}
@@ -159,12 +156,12 @@ def table_text(rows: Sequence[dict[str, str]]) -> str:
 def _cells(rows: Sequence[dict[str, str]], name: str, target: str) -> list[str]:
     """Return the cells of a row of the page, of one object or of several together."""
     total = {key: sum(float(row[key]) for row in rows) for key in CSV_HEAD[2:]}
-    made, tried = total["demonstrations"], total["attempts"]
-    minutes = total["training seconds"] / 60, total["collecting seconds"] / 60
+    made = total["demonstrations"]
+    each = [f"{total['steps'] / made:.0f}", f"{total['bytes'] / made / 1000:.1f}"] if made else ["", ""]
     return [
-        *(name, target, f"{total['steps'] / 1000:,.0f}", f"{total['successes'] / total['episodes']:.0%}"),
-        *(f"{made:,.0f} of {tried:,.0f}", f"{total['mean steps'] / len(rows):.0f}"),
-        *(f"{total['bytes each'] / len(rows) / 1000:.1f}", f"{minutes[0]:.1f}", f"{minutes[1]:.1f}"),
+        *(name, target, f"{total['training steps'] / 1000:,.0f}", f"{total['training seconds'] / 60:.1f}"),
+        *(f"{total['successes'] / total['episodes']:.0%}", f"{made:,.0f} of {total['attempts']:,.0f}"),
+        *(*each, f"{total['collecting seconds']:,.0f}"),
     ]
 
 

@@ -21,6 +21,7 @@ def commands(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
         options = dict(itertools.pairwise(command))
         if command[1] == "stats":
             row = {"trajectories": 300, "attempts": 310, "mean_length": 40.26, "bytes_per_trajectory": 9200.4}
+            row |= {"gave_up": []}
             Path(options["--json"]).write_text(json.dumps([{"objects": [row]}]))
         elif command[1] != "verify":
             out = Path(options["--out"])
@@ -54,8 +55,8 @@ def test_each_object_has_an_agent_that_demonstrates(tmp_path: Path, commands: li
     assert collect[collect.index("--policy") + 1] == commands[0][commands[0].index("--out") + 1]
     assert collect[collect.index("--per-object") + 1] == "300"
     page = (tmp_path / "page.md").read_text()
-    assert "| cabinet-0002 | link_0 | 120 | 98% | 300 of 310 | 40 | 9.2 | 5.0 |" in page
-    assert "| all 2 |  | 240 | 98% | 600 of 620 | 40 | 9.2 | 10.0 |" in page
+    assert "| cabinet-0002 | link_0 | 120 | 5.0 | 98% | 300 of 310 | 40 | 9.2 | 0 |" in page
+    assert "| all 2 |  | 240 | 10.0 | 98% | 600 of 620 | 40 | 9.2 | 0 |" in page
     assert page.startswith("before\n")
     assert page.endswith("after\n")
 
@@ -74,12 +75,36 @@ def test_what_is_finished_is_not_run_again(tmp_path: Path, commands: list[list[s
     assert "cabinet-0002" in (tmp_path / "page.md").read_text()  # from the CSV file
 
 
-def test_demonstrations_that_fail_are_in_no_table(
-    tmp_path: Path, commands: list[list[str]], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("failing", ["verify", "stats", "collect"])
+def test_what_fails_is_in_no_table(
+    tmp_path: Path, commands: list[list[str]], monkeypatch: pytest.MonkeyPatch, failing: str
 ) -> None:
-    call = script.commands.call
-    monkeypatch.setattr(
-        "learning_tables.commands.call", lambda command, env: call(command, env) and command[1] != "verify"
-    )
+    fail(monkeypatch, failing)
     assert run(tmp_path, "--objects", "1") == 1
     assert "Nothing is measured yet." in (tmp_path / "page.md").read_text()
+
+
+def test_an_agent_that_gives_up_is_in_the_table(
+    tmp_path: Path, commands: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fail(monkeypatch, "collect")
+    row = {
+        "trajectories": 0,
+        "attempts": 50,
+        "mean_length": 0.0,
+        "bytes_per_trajectory": 0.0,
+        "gave_up": ["link_0"],
+    }
+    monkeypatch.setattr(
+        script, "parse_json", lambda text: [{"objects": [row]}] if b"gave" in text else json.loads(text)
+    )
+    assert run(tmp_path, "--objects", "1") == 0
+    assert "| cabinet-0002 | link_0 | 120 | 5.0 | 98% | 0 of 50 |  |  | 0 |" in (tmp_path / "page.md").read_text()
+
+
+def fail(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """Have a command of `artiskill demos` fail, after it has left its files."""
+    call = script.commands.call
+    monkeypatch.setattr(
+        "learning_tables.commands.call", lambda command, env: call(command, env) and command[1] != name
+    )
