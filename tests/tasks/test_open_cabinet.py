@@ -231,12 +231,10 @@ def test_a_door_that_is_ajar_counts_as_held_and_a_drawer_does_not(
     assert rise[openings[1:] < 0.8].max() < 0.5, "the stage's points come over many small steps"
 
 
-@pytest.mark.parametrize(
-    ("name", "object_id"), [("OpenCabinetDrawer", "cabinet-0002"), ("OpenCabinetDoor", "cabinet-0064")]
-)
-def test_the_first_tenth_of_the_way_earns_more_than_it_costs_to_lose_the_handle(name: str, object_id: str) -> None:
+@pytest.mark.parametrize("object_id", ["cabinet-0059", "cabinet-0064"])
+def test_the_first_tenth_of_a_doors_way_earns_more_than_it_costs_to_lose_the_handle(object_id: str) -> None:
     """Else agents hold it and keep still."""
-    task, (snapshot, goal) = make_task(name), gripping(load_object(object_id), "link_0")
+    task, (snapshot, goal) = make_task("OpenCabinetDoor"), gripping(load_object(object_id), "link_0")
 
     def earned(given: Snapshot) -> float:
         terms = task.reward_terms(given, goal, task.flags(given, goal))
@@ -260,7 +258,7 @@ def test_a_hand_is_drawn_behind_a_door_once_it_is_ajar() -> None:
     for opening, hand, expected in (
         (0.0, place, 0.0),
         (first, place, 1.0),
-        (first, grasp, 0.75),
+        (first, grasp, 0.9),
         (0.5, place, 1.0),
     ):
         there = dataclasses.replace(opened(snapshot, goal, np.array([opening])), tool_position_w=hand[None, None])

@@ -74,7 +74,7 @@ TABLE = StageTable(
         "begun": Ramp("opening", 0.0, 0.1),
         "opening": Ramp("opening", 0.0, 1.0),
         "slow": Ramp("speed", 10.0, 0.0),
-        "hand_behind": Ramp("pushing_distance", 0.4, 0.0),
+        "hand_behind": Ramp("pushing_distance", 1.0, 0.0),
     },
     stages=(
         Stage(
