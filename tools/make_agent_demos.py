@@ -17,8 +17,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import make_rl_tables
+from artiskill.config import check
 from artiskill.errors import ArtiSkillError
-from artiskill.files import atomic_write, parse_json, read_bytes, read_text
+from artiskill.files import atomic_write, file_sha256, parse_json, read_bytes, read_text
 from artiskill.gallery.facts import markdown
 from artiskill.jobs.parallel import available_cores
 from learning_tables import commands
@@ -45,6 +46,8 @@ def main(arguments: list[str]) -> int:
     ]
     agents = agents[: options.objects]
     try:
+        check(options.objects >= 0, f"--objects must be at least 0, not {options.objects}")
+        check(options.per_object >= 1, f"--per-object must be at least 1, not {options.per_object}")
         succeeded = in_pool(lambda agent: run(agent, options), agents, options.jobs)
         write_table([agent for agent in agents if (demos_of(agent, options.work) / COST).is_file()], options)
     except ArtiSkillError as error:
@@ -72,27 +75,33 @@ def run(agent: Policy, options: argparse.Namespace) -> bool:
 
 
 def demonstrate(agent: Policy, work: Path, per_object: int) -> bool:
-    """Collect what is asked for and verify it; what an interruption left is made anew, or times were wrong.
+    """Collect what is asked for and verify it, unless that is there; what an interruption left is made anew.
 
     An agent that solves too little gives up, as `artiskill demos collect` has it: its row says how far it got.
     """
     folder, environment = demos_of(agent, work), {**os.environ, "OMP_NUM_THREADS": "1"}
     cost, counted = folder / COST, folder / "stats.json"
-    if cost.is_file() and parse_json(read_bytes(cost))["asked for"] == per_object:
-        return True
+    weights = file_sha256(agent.folder(work) / "run" / "checkpoints" / "best.pt")
+    if cost.is_file():
+        found = parse_json(read_bytes(cost))
+        if (found.get("weights"), found.get("asked for")) == (weights, per_object):
+            return True
     shutil.rmtree(folder, ignore_errors=True)
     began = time.perf_counter()
     collected = commands.call(collect_command(agent, work, per_object), environment)
     seconds = time.perf_counter() - began
-    if not commands.call(["demos", "stats", str(folder), "--json", str(counted)], environment):
+    if not folder.is_dir() or not commands.call(
+        ["demos", "stats", str(folder), "--json", str(counted)], environment
+    ):
         return False
-    (found,) = parse_json(read_bytes(counted))
-    (row,) = found["objects"]
+    (told,) = parse_json(read_bytes(counted))
+    (row,) = told["objects"]
     if not collected and not row["gave_up"]:
         return False
     if not commands.call(["demos", "verify", str(folder), "--workers", "1"], environment):
         return False
     values = {
+        "weights": weights,
         "asked for": per_object,
         "demonstrations": row["trajectories"],
         "attempts": row["attempts"],
@@ -118,13 +127,14 @@ def collect_command(agent: Policy, work: Path, per_object: int) -> list[str]:
 
 
 def write_table(agents: Sequence[Policy], options: argparse.Namespace) -> None:
-    """Write the CSV file, rows of other objects included, and what stands between the marks of the page.
+    """Write the CSV file, with its rows of other objects, if as much was asked of these; and the page's table.
 
     Raises:
         ConfigError: the page cannot be read, or lacks the marks; the CSV file has other columns.
     """
     path = options.page.parent / TABLE
-    found = {row["object"]: row for row in read_rows(path, CSV_HEAD)}
+    asked = str(options.per_object)
+    found = {row["object"]: row for row in read_rows(path, CSV_HEAD) if row["asked for"] == asked}
     found |= {agent.name: row_of(agent, options.work) for agent in agents}
     rows = [found[name] for name in sorted(found)]
     write_rows(path, [CSV_HEAD, *([row[name] for name in CSV_HEAD] for row in rows)])

@@ -34,6 +34,8 @@ def commands(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
             out = Path(options["--out"])
             out.mkdir(parents=True)
             if command[0] == "train":
+                (out / "checkpoints").mkdir()
+                (out / "checkpoints" / "best.pt").write_bytes(b"weights")
                 (out / "metrics.csv").write_text("step,seconds\n1000,30\n120000,300\n")
             elif command[0] == "evaluate":
                 rows = [{"object": "one", "episodes": 100, "successes": 98}]
@@ -76,6 +78,12 @@ def test_what_is_finished_is_not_run_again(tmp_path: Path, commands: list[list[s
     (next((tmp_path / "work").rglob(COST))).unlink()  # killed before it was verified
     assert run(tmp_path, "--objects", "1") == 0
     assert names(commands) == ["demos collect", "demos stats", "demos verify"]
+    commands.clear()
+    (next((tmp_path / "work").rglob("best.pt"))).write_bytes(b"others")  # trained anew
+    assert run(tmp_path, "--objects", "1") == 0
+    assert names(commands) == ["demos collect", "demos stats", "demos verify"]
+    assert run(tmp_path, "--objects", "-1") == 2
+    assert run(tmp_path, "--per-object", "0") == 2
     commands.clear()
     shutil.rmtree(tmp_path / "work")
     assert run(tmp_path, "--objects", "0") == 0

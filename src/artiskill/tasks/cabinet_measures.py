@@ -6,7 +6,7 @@ definition that a test holds the kernels to. Handle data is in the frame of the 
 
 A link that is ajar counts as held, if the task says so: `finger_gap` and `depth` then are as if the fingers closed
 in while it opens. At `_HELD` of the range that the task gives, they are at the handle, at its end they grip it.
-`pushing_distance` is from the place behind the handle at which the link is pushed open, and comes to count then.
+`pushing_distance` is from the place behind the handle where the link is pushed: it counts once that is ajar.
 
 The state of the paper has joints and a root: enough for an agent of one cabinet, which learns where the handle is.
 Of many cabinets `describe_handle` says where the hand shall go, and in which direction it shall pull.
@@ -54,7 +54,7 @@ _HELD = 0.7  # of the range over which a link comes to count as held
 # Over the whole range, depth seems to rise from -16 to 7 mm, `finger_gap` to fall from 3.1 to 0.1, a firm grip.
 # They begin beyond where the hand comes to count as near: no reward jumps where a link becomes ajar.
 _RANGES_PER_M, _GAP_PER_RANGE = 45.0, 3.0
-_CLOSED_M = 1.0  # so much farther than it is seems the place from which a door is pushed, until it is ajar
+CLOSED_M = 1.0  # added to `pushing_distance` while a door is closed; it fades as the door becomes ajar
 NEVER_AJAR = (1e9, 2e9)  # no link opens so far
 _MOST_OPENING = 100.0
 HANDLE_FIELDS = (
@@ -153,7 +153,7 @@ def measure_by_arrays(snapshot: Snapshot, goal: Any, limits: Limits) -> Array:
         "opening_speed": snapshot.object_qvel[goal.row, goal.joint],
         "opening": opening,
         "speed": snapshot.link_speed_m_s[at] / limits.slow_m_s,
-        "pushing_distance": norm(snapshot.tool_position_w[:, 0] - place) + _CLOSED_M * (1.0 - ajar),
+        "pushing_distance": norm(snapshot.tool_position_w[:, 0] - place) + CLOSED_M * (1.0 - ajar),
         "angular_speed": snapshot.link_angular_speed_rad_s[at] / limits.slow_rad_s,
     }
     return columns([measures[name] for name in MEASURES])
@@ -319,11 +319,11 @@ def _measure_kernel(
             for k in range(3):
                 gap -= rotation[i, k] * places[b, k]
             squares += gap * gap
-        out[b, 7] = np.sqrt(squares) + _CLOSED_M
+        out[b, 7] = np.sqrt(squares) + CLOSED_M
         out[b, 8] = angular_speed / slow_rad_s
         if opening > first_ajar:
             ajar = min((opening - first_ajar) / (last_ajar - first_ajar), 1.0)
-            out[b, 7] -= _CLOSED_M * ajar
+            out[b, 7] -= CLOSED_M * ajar
             out[b, 2] = max(out[b, 2], (ajar - _HELD) / _RANGES_PER_M)
             out[b, 3] = min(out[b, 3], 1.0 - _GAP_PER_RANGE * (ajar - _HELD))
 

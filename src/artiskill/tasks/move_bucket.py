@@ -43,7 +43,7 @@ _PLATFORM_RGBA, _BALL_RGBA = (0.35, 0.24, 0.14, 1.0), (0.05, 0.25, 0.65, 1.0)
 # Measures:
 #   hand_distance     mean distance of the fingertips to the bucket's surface, m
 #   hand_gap          the same, over what counts as close
-#   opposite          cosine of the angle between the two hands, seen from the bucket's axis: -1 on opposite sides
+#   opposite          cosine of the angle between the two hands, seen from its middle in the plane: -1 if opposite
 #   hand_level        difference of the two hands' heights in the bucket's frame, m
 #   tilt              of the bucket, over what counts as tipping
 #   rise              of the bucket's middle above where it started, over what counts as lifted

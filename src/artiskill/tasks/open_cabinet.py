@@ -30,6 +30,7 @@ from artiskill.sim.snapshot import Snapshot
 from artiskill.sim.states import InitialState
 from artiskill.tasks import cabinet_measures, staged_reward
 from artiskill.tasks.cabinet_measures import (
+    CLOSED_M,
     HANDLE_FIELDS,
     HANDLE_SIZE,
     MEASURES,
@@ -51,7 +52,7 @@ _NO_PLANE = np.array((0.0, 0.0, 0.0, -1e3))
 # The last stage begins a little further than open enough: a link that is opened slowly, and so counts as still,
 # would otherwise skip the stage before it.
 _SAFELY_OPEN = 1.02
-_BEHIND_M = 0.1  # of the handle's grasp pose, where a hand pushes from inside: beyond a knob, a door and a finger
+_BEHIND_M = 0.1  # from the grasp pose against the opening direction: past a knob, a door and a finger
 _COLUMN = {name: i for i, name in enumerate(MEASURES)}
 
 # Measures:
@@ -62,7 +63,7 @@ _COLUMN = {name: i for i, name in enumerate(MEASURES)}
 #   opening_speed     velocity of the joint, m/s or rad/s
 #   opening           how far it is open: 0 closed, 1 open enough
 #   speed             of the target link, over what counts as still
-#   pushing_distance  of the hand from where a door is pushed, behind its handle, m; 1 m more until it is ajar
+#   pushing_distance  of the hand from where a door is pushed, behind its handle, m; 1 m more while it is closed
 #   angular_speed     of the target link, over what counts as still
 TABLE = StageTable(
     terms={
@@ -102,6 +103,7 @@ TABLE = StageTable(
     ),
 )
 assert TABLE.measures == MEASURES, "columns of `measure` are those of the table"
+assert TABLE.terms["hand_behind"].zero <= CLOSED_M, "no hand is drawn behind a closed door"
 
 
 @dataclass(frozen=True)
@@ -170,7 +172,7 @@ class CabinetRewardConfig:
         stage_bonus: least reward of each of the four stages, so low that no state earns more than 0.
         weights: term name -> weight; a term that is missing is reported with weight 0.
         ajar: the link comes to count as held while it opens over this range, 0 closed and 1 open enough: who has
-            pulled it ajar may let go of the handle. None: it never does.
+            pulled it ajar may let go of the handle, and is drawn behind it. None: it never does.
     """
 
     close_distance_m: float
@@ -236,7 +238,7 @@ class CabinetGoal:
         grasp_positions: (B, G, 3) tool-centre points.
         grasp_rotations: (B, G, 3, 3) hand orientations, columns are the hand's axes.
         grasp_width_m: (B,) extent of the handle between the pads.
-        pushing_position: (B, 3) place behind the handle where a hand pushes the link open.
+        pushing_position: (B, 3) tool-centre point behind the handle, where a hand pushes a door open.
     """
 
     PADDING: ClassVar[Mapping[str, np.ndarray | None]] = {
@@ -304,7 +306,7 @@ def _pushing_position(joint: Joint, handle: Handle) -> np.ndarray:
     """Return the place behind a link's handle where a hand pushes it open, in the link's frame."""
     grasp = handle.grasp_positions[0]
     way = np.cross(joint.axis, grasp - joint.origin) if joint.kind == "revolute" else joint.axis
-    return np.asarray(grasp - _BEHIND_M * way / np.linalg.norm(way))
+    return np.asarray(grasp - _BEHIND_M * way / max(float(np.linalg.norm(way)), 1e-9))  # on the hinge: the grasp
 
 
 def sample_initial_state(
