@@ -22,7 +22,7 @@ from artiskill.config import (
     check_vector,
 )
 from artiskill.errors import AssetError
-from artiskill.geometry.arrays import Array, namespace
+from artiskill.geometry.arrays import Array, namespace, norm
 from artiskill.geometry.rotations import quat_to_matrix
 from artiskill.robots.config import RobotConfig
 from artiskill.scene.scene import Scene
@@ -306,7 +306,7 @@ def _pushing_position(joint: Joint, handle: Handle) -> np.ndarray:
     """Return the place behind a link's handle where a hand pushes it open, in the link's frame."""
     grasp = handle.grasp_positions[0]
     way = np.cross(joint.axis, grasp - joint.origin) if joint.kind == "revolute" else joint.axis
-    return np.asarray(grasp - _BEHIND_M * way / max(float(np.linalg.norm(way)), 1e-9))  # on the hinge: the grasp
+    return np.asarray(grasp - _BEHIND_M * way / max(float(norm(way)), 1e-9))  # on the hinge: the grasp
 
 
 def sample_initial_state(
