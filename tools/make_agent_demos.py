@@ -7,9 +7,7 @@ the same command goes on.
 """
 
 import argparse
-import csv
 import json
-import os
 import shutil
 import sys
 import time
@@ -19,13 +17,13 @@ from pathlib import Path
 import make_rl_tables
 from artiskill.config import check
 from artiskill.errors import ArtiSkillError
-from artiskill.files import atomic_write, file_sha256, parse_json, read_bytes, read_text
+from artiskill.files import atomic_write, file_sha256, parse_json, read_bytes
 from artiskill.gallery.facts import markdown
 from artiskill.jobs.parallel import available_cores
 from learning_tables import commands
 from learning_tables.commands import in_pool
 from learning_tables.markdown import write_between
-from learning_tables.results import read_measured, read_rows, write_rows
+from learning_tables.results import read_cost, read_measured, read_rows, write_rows
 from make_rl_tables import MANY_TASK, ONE, PAGE, Policy, trained_on
 
 TABLE = Path("data", "agent_demos.csv")  # beside the page
@@ -41,13 +39,11 @@ COST = "cost.json"  # beside the demonstrations, once they are verified
 def main(arguments: list[str]) -> int:
     """Train, measure, collect, verify, write; exit status 1 if a command failed, 2 for an illegal option."""
     options = make_parser().parse_args(arguments)
-    agents = [
-        Policy(ONE, MANY_TASK, (name,), target, "sac", 0) for name, target, _ in sorted(trained_on(MANY_TASK))
-    ]
-    agents = agents[: options.objects]
     try:
         check(options.objects >= 0, f"--objects must be at least 0, not {options.objects}")
         check(options.per_object >= 1, f"--per-object must be at least 1, not {options.per_object}")
+        first = sorted(trained_on(MANY_TASK))[: options.objects]
+        agents = [Policy(ONE, MANY_TASK, (name,), target, "sac", 0) for name, target, _ in first]
         succeeded = in_pool(lambda agent: run(agent, options), agents, options.jobs)
         write_table([agent for agent in agents if (demos_of(agent, options.work) / COST).is_file()], options)
     except ArtiSkillError as error:
@@ -79,7 +75,7 @@ def demonstrate(agent: Policy, work: Path, per_object: int) -> bool:
 
     An agent that solves too little gives up, as `artiskill demos collect` has it: its row says how far it got.
     """
-    folder, environment = demos_of(agent, work), {**os.environ, "OMP_NUM_THREADS": "1"}
+    folder, environment = demos_of(agent, work), commands.one_thread()
     cost, counted = folder / COST, folder / "stats.json"
     weights = file_sha256(agent.folder(work) / "run" / "checkpoints" / "best.pt")
     if cost.is_file():
@@ -90,9 +86,8 @@ def demonstrate(agent: Policy, work: Path, per_object: int) -> bool:
     began = time.perf_counter()
     collected = commands.call(collect_command(agent, work, per_object), environment)
     seconds = time.perf_counter() - began
-    if not folder.is_dir() or not commands.call(
-        ["demos", "stats", str(folder), "--json", str(counted)], environment
-    ):
+    count = ["demos", "stats", str(folder), "--json", str(counted)]
+    if not folder.is_dir() or not commands.call(count, environment):
         return False
     (told,) = parse_json(read_bytes(counted))
     (row,) = told["objects"]
@@ -144,13 +139,8 @@ def write_table(agents: Sequence[Policy], options: argparse.Namespace) -> None:
 def row_of(agent: Policy, work: Path) -> dict[str, str]:
     """Return the row of an object whose agent has demonstrated."""
     measured = read_measured(agent.folder(work) / "new")
-    *_, last = csv.DictReader(read_text(agent.folder(work) / "run" / "metrics.csv").splitlines())
-    row = {
-        "object": agent.name,
-        "target": agent.target,
-        "training steps": last["step"],
-        "training seconds": last["seconds"],
-    }
+    steps, seconds = read_cost(agent.folder(work) / "run")
+    row = {"object": agent.name, "target": agent.target, "training steps": steps, "training seconds": seconds}
     row |= {"episodes": str(measured.episodes.total()), "successes": str(measured.successes.total())}
     return row | {name: str(value) for name, value in parse_json(read_bytes(demos_of(agent, work) / COST)).items()}
 

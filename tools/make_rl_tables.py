@@ -22,7 +22,7 @@ from learning_tables import curves
 from learning_tables.cells import TASKS
 from learning_tables.commands import finish, in_pool
 from learning_tables.markdown import write_between
-from learning_tables.results import read_measured, read_rows, write_rows
+from learning_tables.results import read_cost, read_measured, read_rows, write_rows
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE, EXPERTS = DOCS / "reinforcement_learning.md", DOCS / "data" / "experts.csv"
@@ -184,8 +184,8 @@ def rows_of(policies: Sequence[Policy], work: Path) -> Iterator[dict[str, str]]:
             if not (folder / "trained").is_file() or not (folder / split / "report.json").is_file():
                 continue
             measured = read_measured(folder / split)
-            *_, last = csv.DictReader(read_text(folder / "run" / "metrics.csv").splitlines())
-            own = {"steps": last["step"], "minutes": f"{float(last['seconds']) / 60:.1f}", "measured on": split}
+            steps, seconds = read_cost(folder / "run")
+            own = {"steps": steps, "minutes": f"{float(seconds) / 60:.1f}", "measured on": split}
             counts = sum(measured.episodes.values()), sum(measured.successes.values())
             yield policy.values | own | dict(zip(CSV_HEAD[-2:], map(str, counts), strict=True))
 

@@ -223,6 +223,7 @@ DAMAGED: dict[str, tuple[Callable[[Path], object], str]] = {
     "an object's name": (changed_object(object="\x1b[2J"), "is not one line of printable text"),
     "no hash": (changed(policy_sha256="hello"), "policy_sha256 must be 64 hexadecimal digits, not 'hello'"),
     "another task": (changed(task="OpenCabinetDoor"), "stage_bonus"),
+    "a name of no object": (changed(task="OpenCabinetDoor", config={}), "protocol|generated"),
     "a protocol": (changed(protocol="artiskill-1/OpenCabinetDrawer/test/joint/state"), "is not of protocol"),
     "no actions": (lambda at: (at / "actions.npz").write_bytes(b"PK"), "it is damaged"),
     "other actions": (

@@ -223,6 +223,8 @@ def test_a_door_that_is_ajar_counts_as_held_and_a_drawer_does_not(
     assert (drawers < bonus[1]).all(), "no hand is at its handle"
     first, last = door.config.reward.ajar
     closed, ajar = openings <= first, openings >= last
+    raised = bonus[0] - TASK.config.reward.stage_bonus[0]
+    np.testing.assert_allclose(doors[closed], drawers[closed] + raised, rtol=0, atol=1e-12)
     assert (doors[closed] == doors[0]).all()
     assert (doors[ajar] > bonus[1]).all()
     np.testing.assert_allclose(np.array(grips)[ajar & (openings < 0.8)], 1.0, atol=1e-12)

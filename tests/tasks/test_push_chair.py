@@ -157,7 +157,10 @@ def test_bad_values_are_refused() -> None:
         ({"success.near_m": 0}, "near_m must be positive"),
         ({"initial.chair_distance_m": [1.2, 0.8]}, "range"),
         ({"reward.stage_bonus": [-16, -8.8, -8.7, 0]}, "must rise by more than"),
-        ({"reward.stage_bonus": [-16, -8.8, -1.2, 0]}, r"^config: .*still\) can earn 0.75: lower every bonus"),
+        (
+            {"reward.stage_bonus": [-16, -8.8, -1.2, 0]},
+            r"^config: reward.*still\) can earn 0.75: lower every bonus",
+        ),
         ({"reward.weights.upwright": 1}, "unknown terms"),
         ({"initial.lift_m": 5}, "lift_m"),
     ):

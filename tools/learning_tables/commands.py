@@ -14,6 +14,11 @@ from artiskill.config import check
 Policy = TypeVar("Policy")
 
 
+def one_thread() -> dict[str, str]:
+    """Return the environment of commands that share the cores with others."""
+    return {**os.environ, "OMP_NUM_THREADS": "1"}
+
+
 def call(command: list[str], environment: Mapping[str, str]) -> bool:
     """Run one of the package's commands; return whether it succeeded."""
     print(f"$ {shlex.join(['artiskill', *command])}", flush=True)
@@ -36,7 +41,7 @@ def finish(folder: Path, train: list[str] | None, reports: Mapping[Path, list[st
     Returns:
         Whether all commands succeeded.
     """
-    environment, trained = {**os.environ, "OMP_NUM_THREADS": "1"}, folder / "trained"
+    environment, trained = one_thread(), folder / "trained"
     if not trained.is_file():
         if train is None:
             return True

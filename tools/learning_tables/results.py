@@ -112,6 +112,12 @@ def read_measured(folder: Path) -> Measured:
     return Measured(successes, episodes, report["timing"]["seconds"])
 
 
+def read_cost(run: Path) -> tuple[str, str]:
+    """Return the steps and the seconds that a run of reinforcement learning took."""
+    *_, last = csv.DictReader(read_text(run / "metrics.csv").splitlines())
+    return last["step"], last["seconds"]
+
+
 def csv_rows(results: Iterable[Result], settings: Settings) -> Iterator[list[str]]:
     """Yield a row per finished cell, split and object."""
     for result in results:
