@@ -233,10 +233,18 @@ def test_a_door_that_is_ajar_counts_as_held_and_a_drawer_does_not(
     assert rise[openings[1:] < 0.8].max() < 0.5, "the stage's points come over many small steps"
 
 
-@pytest.mark.parametrize("object_id", ["cabinet-0059", "cabinet-0064"])
-def test_the_first_tenth_of_a_doors_way_earns_more_than_a_hold_above_its_least_reward(object_id: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "object_id"),
+    [
+        ("OpenCabinetDoor", "cabinet-0059"),
+        ("OpenCabinetDoor", "cabinet-0064"),
+        ("OpenCabinetDrawer", "cabinet-0010"),
+        ("OpenCabinetDrawer", "cabinet-0026"),
+    ],
+)
+def test_the_first_tenth_of_the_way_earns_more_than_a_hold_above_its_least_reward(name: str, object_id: str) -> None:
     """Else agents hold it and keep still."""
-    task, (snapshot, goal) = make_task("OpenCabinetDoor"), gripping(load_object(object_id), "link_0")
+    task, (snapshot, goal) = make_task(name), gripping(load_object(object_id), "link_0")
 
     def earned(given: Snapshot) -> float:
         terms = task.reward_terms(given, goal, task.flags(given, goal))
