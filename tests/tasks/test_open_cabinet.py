@@ -242,7 +242,9 @@ def test_a_door_that_is_ajar_counts_as_held_and_a_drawer_does_not(
         ("OpenCabinetDrawer", "cabinet-0026"),
     ],
 )
-def test_the_first_tenth_of_the_way_earns_more_than_a_hold_above_its_least_reward(name: str, object_id: str) -> None:
+def test_the_first_tenth_of_the_way_earns_more_than_a_hold_above_its_least_reward(
+    name: str, object_id: str
+) -> None:
     """Else agents hold it and keep still."""
     task, (snapshot, goal) = make_task(name), gripping(load_object(object_id), "link_0")
 
