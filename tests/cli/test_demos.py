@@ -3,6 +3,7 @@ import shutil
 import sys
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -77,6 +78,21 @@ def test_replay_export_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[st
     command = ["demos", "pictures", str(pack.folder), "--object", name, "--out", picture, "--count", "1"]
     assert main([*command, "--moments", "2", "--width", "40"]) == 0
     assert capsys.readouterr().out == f"{picture}: {name}, demonstrations 0\n"
+
+
+def test_replay_by_shares_sees_no_robot(tmp_path: Path) -> None:
+    pack = load_demo_pack("OpenCabinetDrawer")
+    name, training = pack.objects[0], tmp_path / "training"
+    replay = ["demos", "replay", str(pack.folder), "--out", str(training), "--obs-mode", "pointcloud"]
+    replay += ["--points", "128", "--objects", name, "--count", "1", "--workers", "1"]
+    assert main([*replay, "--method", "shares"]) == 0
+    found: list[str] = []
+    with h5py.File(training / f"{name}.h5") as file:
+        file.visit(found.append)
+        (seg,) = (file[at][()] for at in found if at.endswith("/seg"))
+    handle, link, robot = (seg[..., mask].mean() for mask in range(3))
+    assert robot == 0
+    assert link > 0.5 > handle > 0.1
 
 
 def test_a_half_collected_folder_is_called_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
