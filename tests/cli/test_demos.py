@@ -3,13 +3,13 @@ import shutil
 import sys
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 
 from artiskill.cli.main import main
 from artiskill.demos import demonstrator
 from artiskill.demos.demos import PACK, load_demo_pack
+from artiskill.demos.training_file import TrainingFile
 
 DRAWERS = str(PACK / "OpenCabinetDrawer")
 
@@ -86,10 +86,8 @@ def test_replay_by_shares_sees_no_robot(tmp_path: Path) -> None:
     replay = ["demos", "replay", str(pack.folder), "--out", str(training), "--obs-mode", "pointcloud"]
     replay += ["--points", "128", "--objects", name, "--count", "1", "--workers", "1"]
     assert main([*replay, "--method", "shares"]) == 0
-    found: list[str] = []
-    with h5py.File(training / f"{name}.h5") as file:
-        file.visit(found.append)
-        (seg,) = (file[at][()] for at in found if at.endswith("/seg"))
+    with TrainingFile(training / f"{name}.h5") as file:
+        seg = file.array(0, "obs/pointcloud/seg")
     handle, link, robot = (seg[..., mask].mean() for mask in range(3))
     assert robot == 0
     assert link > 0.5 > handle > 0.1
