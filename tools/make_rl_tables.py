@@ -2,7 +2,8 @@
 
 `one`: a policy per object and seed. `many`: one over 1, 5, 10, 20 or 25 cabinets. Their states say where handles
 are (`state.handle`), or are what the base sees of free objects (`state.relative`); `plain` is `many` with the
-paper's state. Each is trained, then measured on new levels, by printed commands of `artiskill`. Whatever ends this
+paper's state. With `--algorithm sac-expert`, the expert ends a quarter of the training episodes.
+Each is trained, then measured on new levels, by printed commands of `artiskill`. Whatever ends this
 script, the same command goes on. Finished runs stay in docs/data/reinforcement.csv, also without the work folder;
 the tables are made from it.
 """
@@ -31,8 +32,11 @@ TABLE, CURVES = Path("data", "reinforcement.csv"), Path("data", "reinforcement_c
 PICTURE = Path("images", "reinforcement.png")
 BEGIN, END = "<!-- made by tools/make_rl_tables.py -->", "<!-- end of the tables -->"
 ONE, MANY, PLAIN = TABLES = ("one", "many", "plain")
-HANDLE, RELATIVE = "config.state.handle=true", "config.state.relative=true"
 CABINETS = ("OpenCabinetDoor", "OpenCabinetDrawer")
+CABINET_VALUES = ["config.state.handle=true"]
+FREE_OBJECT_VALUES = ["config.state.relative=true", "algorithm.gamma=0.98"]
+WITH_EXPERT = "sac-expert"
+ALGORITHMS = {"sac": [], "ppo": [], WITH_EXPERT: ["algorithm.expert_share=0.25"]}  # and what is set for them
 COUNTS, MANY_TASK = (1, 5, 10, 20, 25), "OpenCabinetDrawer"
 PAPER_MANY = {1: "100 %", 5: "82 %", 10: "2 %", 20: "0 %"}  # the ManiSkill paper, SAC, 10^6 steps
 CSV_HEAD = ["table", "task", "objects", "target", "algorithm", "seed", "steps", "minutes"]
@@ -43,7 +47,7 @@ FIRST_LEVEL = 1_000_000  # training draws from 2^31
 BATCH = 256  # of `sac` with many cabinets, of which each is then met in most batches
 EPISODES = {ONE: 100, MANY: 10, PLAIN: 10}  # on each object
 # where the algorithm's default is not enough
-STEPS = {("sac", "OpenCabinetDoor"): 600_000, ("sac", "PushChair"): 1_000_000, ("sac", "MoveBucket"): 1_000_000}
+STEPS = {"OpenCabinetDoor": 600_000, "PushChair": 1_000_000, "MoveBucket": 1_000_000}  # of `sac`
 GRADED = {"OpenCabinetDoor": 3, "OpenCabinetDrawer": 3, "PushChair": 1, "MoveBucket": 1}  # objects of table `one`
 
 
@@ -107,7 +111,7 @@ def make_parser() -> argparse.ArgumentParser:
         default=COUNTS,
         help="of `many` and `plain` (default: all)",
     )
-    add("--algorithm", choices=("sac", "ppo"), default="sac", help="(default: %(default)s)")
+    add("--algorithm", choices=tuple(ALGORITHMS), default="sac", help="(default: %(default)s)")
     add("--seeds", nargs="+", type=int, default=[0, 1, 2], help="(default: 0 1 2)")
     add("--steps", type=int, help="of each policy (default: `STEPS` of this script, else the algorithm's)")
     add("--set", nargs="+", default=[], metavar="KEY=VALUE", help="as `artiskill train` takes it")
@@ -155,14 +159,15 @@ def run(policy: Policy, options: argparse.Namespace) -> bool:
 
 def train_command(policy: Policy, options: argparse.Namespace) -> list[str]:
     """Return the command that trains."""
-    command = ["train", policy.algorithm, "--task", policy.task, "--objects", *policy.objects]
+    algorithm = policy.algorithm.partition("-")[0]
+    command = ["train", algorithm, "--task", policy.task, "--objects", *policy.objects]
     command += ["--out", str(policy.folder(options.work) / "run"), "--seed", str(policy.seed), "--threads", "1"]
     command += ["--target", policy.target] if policy.target else []
-    steps = options.steps or STEPS.get((policy.algorithm, policy.task))
+    steps = options.steps or (STEPS.get(policy.task) if algorithm == "sac" else None)
     command += ["--steps", str(steps)] if steps else []
-    told = HANDLE if policy.task in CABINETS else RELATIVE
-    values = [told] if policy.table != PLAIN else []
-    values += [f"algorithm.batch_size={BATCH}"] if policy.table != ONE and policy.algorithm == "sac" else []
+    values = [] if policy.table == PLAIN else CABINET_VALUES if policy.task in CABINETS else FREE_OBJECT_VALUES
+    values = values + ALGORITHMS[policy.algorithm]
+    values += [f"algorithm.batch_size={BATCH}"] if policy.table != ONE and algorithm == "sac" else []
     values += options.set
     return command + (["--set", *values] if values else [])
 

@@ -55,11 +55,14 @@ def equal(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> bool:
     return all((a[name] == b[name]).all() for name in a)
 
 
-@pytest.mark.parametrize("name", ["sac", "ppo"])
+GUIDED = {"algorithm.expert_share": 0.7, "algorithm.takeover_steps": [0, 30]}
+
+
+@pytest.mark.parametrize(("name", "changes"), [("sac", {}), ("sac", GUIDED), ("ppo", {})])
 def test_an_interrupted_run_ends_with_the_same_bits(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, changes: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole = reinforce(tiny(name), tmp_path / "whole")
+    whole = reinforce(tiny(name, **changes), tmp_path / "whole")
     assert whole.state.step == 400
     begun = tmp_path / "begun"
     real, saves = reinforcement.Run.save, []
@@ -71,11 +74,11 @@ def test_an_interrupted_run_ends_with_the_same_bits(
 
     monkeypatch.setattr(reinforcement.Run, "save", save_and_die)
     with pytest.raises(MemoryError):
-        reinforce(tiny(name), begun)
+        reinforce(tiny(name, **changes), begun)
     monkeypatch.undo()
     assert 0 < saves[0] < 400
     starts: list[int] = []
-    reinforce(tiny(name), begun, on_start=starts.append)
+    reinforce(tiny(name, **changes), begun, on_start=starts.append)
     assert starts == saves
     assert equal(weights(tmp_path / "whole"), weights(begun))
     assert (tmp_path / "whole/development.csv").read_bytes() == (begun / "development.csv").read_bytes()
@@ -270,6 +273,8 @@ def test_damaged_and_foreign_folders_are_refused(tmp_path: Path) -> None:
         ({"algorithm.ent_coef": "auto_x"}, "ent_coef"),
         ({"algorithm.action_entropy": 0.7}, "action_entropy"),
         ({"algorithm.n_steps": 0}, "n_steps"),
+        ({"algorithm.expert_share": 1.5}, "expert_share"),
+        ({"algorithm.takeover_steps": [20, 10]}, "takeover_steps"),
         ({"evaluation.success_threshold": 1.1}, "success_threshold"),
         ({"evaluation.stop_after": -1}, "stop_after"),
         ({"envs": 0}, "num_envs"),

@@ -69,6 +69,19 @@ def test_finished_runs_stay_in_the_tables(tmp_path: Path, commands: list[list[st
     assert "| 5 | the paper's | sac | 50% | 50% | 82 % | 2 | 10 |" in _page(tmp_path)
 
 
+def test_runs_that_an_expert_helps_have_rows_of_their_own(tmp_path: Path, commands: list[list[str]]) -> None:
+    asked = ("--tables", "one", "--tasks", "OpenCabinetDoor", "--seeds", "0")
+    assert run(tmp_path, *asked) == 0
+    assert not any("expert_share" in word for command in commands for word in command)
+    commands.clear()
+    assert run(tmp_path, *asked, "--algorithm", "sac-expert") == 0
+    trains = [command for command in commands if command[0] == "train"]
+    assert len(trains) == 3
+    assert all(command[1] == "sac" and "algorithm.expert_share=0.25" in command for command in trains)
+    assert all(command[command.index("--steps") + 1] == "600000" for command in trains)
+    assert _page(tmp_path).count("| sac |") == _page(tmp_path).count("| sac-expert |") == 3
+
+
 def test_ended_runs_keep_their_last_value_in_curves(tmp_path: Path) -> None:
     points = [("0", "20", "1"), ("0", "40", "2"), ("1", "20", "3"), ("1", "40", "2"), ("1", "60", "4")]
     same = dict.fromkeys(curves.CSV_HEAD, "a") | {"episodes": "4"}

@@ -1,16 +1,11 @@
 """`reinforce`: a run of reinforcement learning from its first step to its last, or on from where it was stopped.
 
-A library has the algorithms (`reinforcement_models.py`). What is ours: the environments, evaluation on new levels,
-and checkpoints from which a run goes on with the same bits. A checkpoint is two files: `latest.pt`, weights and
-optimizers, and beside it `going-on-<step>.pkl`: the replay buffer, the environments and the generators. The second
-is written first; the first names the step, so that a run that is killed in between goes on from the checkpoint
-before.
+A library has the algorithms (`reinforcement_models.py`). What is ours: the environments, episodes that an expert
+ends (`expert_takeover.py`), evaluation on new levels, and checkpoints from which a run goes on with the same bits
+(`reinforcement_checkpoints.py`).
 """
 
 import hashlib
-import io
-import pickle
-import random
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -29,18 +24,14 @@ from artiskill.config import dump_yaml
 from artiskill.envs.stable_baselines import as_sb3
 from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.errors import ConfigError, RunError
-from artiskill.files import LOCK_FILE, lock_folder, output_path, read_bytes
-from artiskill.learning.checkpoints import Records, TrainState, read_content, write_content
+from artiskill.experts.registry import make_expert
+from artiskill.files import LOCK_FILE, lock_folder, output_path
+from artiskill.learning.checkpoints import Records, TrainState, write_content
+from artiskill.learning.expert_takeover import ExpertTakeover
 from artiskill.learning.policy import StatePolicy
+from artiskill.learning.reinforcement_checkpoints import read_checkpoint, restore, write_checkpoint
 from artiskill.learning.reinforcement_config import ReinforcementConfig, read_reinforcement_config
-from artiskill.learning.reinforcement_models import (
-    actor_layers,
-    count_parameters,
-    load_model_state,
-    make_model,
-    model_state,
-    use_threads,
-)
+from artiskill.learning.reinforcement_models import actor_layers, count_parameters, make_model, use_threads
 from artiskill.learning.run import BEST, CONFIG, INFO, KEPT, LATEST, RunInfo, read_info, write_info, write_whole
 from artiskill.learning.stopping import StopSignal
 from artiskill.tasks.registry import make_task
@@ -52,9 +43,6 @@ _CHECKPOINT_S = 300.0  # besides those every so many steps: what a crash may cos
 _LIBRARIES = ("torch", "stable_baselines3", "sbx-rl", "jax", "jaxlib", "flax", "optax", "tfp-nightly")
 _NOT_LOGGED = ("n_updates", "learning_rate", "ent_coef_loss")  # a count; configured; not finite of a constant
 _CLIP = 10.0  # of normalised observations
-_BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
-_COUNTERS: tuple[str, ...] = ("num_timesteps", "_n_updates", "_episode_num")
-_COUNTERS += ("_last_obs", "_last_original_obs", "_last_episode_starts")
 
 
 def reinforce(
@@ -104,7 +92,9 @@ def reinforce(
 
 def _prepare(config: ReinforcementConfig, folder: Path) -> RunInfo:
     """Write what the run's folder says of itself, or compare it with what is asked for."""
-    make_task(config.task, config.config)  # what is illegal is said before anything is written
+    task = make_task(config.task, config.config)  # what is illegal is said before anything is written
+    if getattr(config.values, "expert_share", 0.0) > 0:
+        make_expert(task.name, task.robot)
     objects = resolve_objects(list(config.objects), task=config.task)
     hashes = " ".join(checked_hash(one) for one in objects)
     info = RunInfo(
@@ -179,18 +169,25 @@ class Run:
         self.config, self.info, self._folder, self._threads = config, info, folder, threads
         self.state, self._stop = TrainState(), StopSignal()
         self.seconds = dict.fromkeys(("simulate", "update", "total"), 0.0)
-        saved = self._read() if (folder / LATEST).is_file() else None
+        saved: dict[str, Any] | None = None
+        if (folder / LATEST).is_file():
+            self.state, saved = read_checkpoint(folder)
         env = self._make_env(config.envs, False) if saved is None else saved["env"]
         self._scaled = _Scaled(env, config.reward_scale)
         self._normal = VecNormalize(
             as_sb3(self._scaled), norm_obs=config.normalise, norm_reward=False, clip_obs=_CLIP
         )
         self.model = make_model(config, self._normal)
+        values = config.values
+        if getattr(values, "expert_share", 0.0) > 0:
+            self.model.expert = ExpertTakeover(env, values.expert_share, values.takeover_steps, config.seed)
         if saved is not None:
             try:
-                self._restore(saved)
+                restore(self.model, saved)
             except (RuntimeError, LookupError, TypeError, ValueError) as error:
                 raise RunError(f"{str(folder / LATEST)!r} does not fit the run: {error}") from error
+            if config.normalise:
+                self._normal.obs_rms = saved["normal"]
         self._saved_at, self._saved_step = time.perf_counter(), self.state.step
 
     @property
@@ -311,67 +308,14 @@ class Run:
             OSError: it cannot be written; the one before is as it was.
             RunError: a weight is not finite.
         """
-        model, buffer = self.model, getattr(self.model, "replay_buffer", None)
-        learned, acting = model_state(model), self.acting  # first: nothing is written where numbers are not finite
-        going_on = {
-            "env": self._scaled.unwrapped,
-            "counters": {name: getattr(model, name, None) for name in _COUNTERS},
-            "normal": self._normal.obs_rms if self.config.normalise else None,
-            "generators": (random.getstate(), np.random.get_state(), torch.get_rng_state()),  # noqa: NPY002 - the library's
-            "warm_up": model.action_space.np_random.bit_generator.state,
-        }
-        if buffer is not None:
-            count = len(buffer.observations) if buffer.full else buffer.pos
-            going_on["buffer"] = {name: getattr(buffer, name)[:count] for name in _BUFFER}
-            going_on["place"] = buffer.pos, buffer.full
-        path = self._folder / LATEST
-        write_whole(_beside(path, self.state.step), pickle.dumps(going_on, protocol=5))
-        write_content(path, {"state": dict(vars(self.state)), "acting": acting, "model": learned})
-        for old in path.parent.glob("going-on-*.pkl"):
-            if old != _beside(path, self.state.step):
-                old.unlink()
+        statistics = self._normal.obs_rms if self.config.normalise else None
+        env = self._scaled.unwrapped
+        write_checkpoint(self._folder, self.state, self.acting, self.model, env, statistics)
         self._saved_at, self._saved_step = time.perf_counter(), self.state.step
-
-    def _read(self) -> dict[str, Any]:
-        path = self._folder / LATEST
-        content = read_content(path)
-        if "model" not in content:
-            raise RunError(f"{str(path)!r} was trained by torch, before SBX: train anew, in another folder")
-        try:
-            self.state = TrainState(**content["state"])
-            beside = _beside(path, self.state.step)
-            going_on: dict[str, Any] = pickle.load(io.BytesIO(read_bytes(beside)))
-        except OSError as error:
-            raise RunError(f"cannot read {str(path.parent)!r}: {error.strerror}: {error.filename}") from error
-        except (pickle.UnpicklingError, EOFError, LookupError, TypeError, AttributeError, ValueError) as error:
-            raise RunError(f"the checkpoint in {str(path.parent)!r} is damaged") from error
-        return content | going_on
-
-    def _restore(self, saved: dict[str, Any]) -> None:
-        """Put the model where the checkpoint was."""
-        model = self.model
-        load_model_state(model, saved["model"])
-        for name, value in saved["counters"].items():
-            setattr(model, name, value)
-        if saved["normal"] is not None:
-            self._normal.obs_rms = saved["normal"]
-        if "buffer" in saved:
-            for name, values in saved["buffer"].items():
-                getattr(model.replay_buffer, name)[: len(values)] = values
-            model.replay_buffer.pos, model.replay_buffer.full = saved["place"]
-        model.action_space.np_random.bit_generator.state = saved["warm_up"]
-        python, numpy, tensors = saved["generators"]  # last: all above may draw
-        random.setstate(python)
-        np.random.set_state(numpy)  # noqa: NPY002 - the library's
-        torch.set_rng_state(tensors)
 
     def is_due(self, before: int, every: int) -> bool:
         """Whether a multiple of `every` steps was reached since the step `before`."""
         return self.state.step // every > before // every
-
-
-def _beside(path: Path, step: int) -> Path:
-    return path.with_name(f"going-on-{step}.pkl")
 
 
 class _Loop(BaseCallback):
@@ -389,10 +333,13 @@ class _Loop(BaseCallback):
         self._at, self._simulated = time.perf_counter(), self._run._scaled.seconds
 
     def _on_step(self) -> bool:
-        rewards = self.locals["rewards"]
+        rewards, dones = self.locals["rewards"], self.locals["dones"]
+        expert = getattr(self.model, "expert", None)
         self._add("reward", float(rewards.sum()) / self._run.config.reward_scale, len(rewards))
-        for env in np.flatnonzero(self.locals["dones"]).tolist():
-            self._add("success", float(self.locals["infos"][env]["success"]), 1)
+        by_expert = np.zeros(len(dones), dtype=bool) if expert is None else expert.advance(dones)
+        for env in np.flatnonzero(dones).tolist():
+            who = "expert_success" if by_expert[env] else "success"
+            self._add(who, float(self.locals["infos"][env]["success"]), 1)
         return True
 
     def _on_rollout_end(self) -> None:

@@ -46,12 +46,20 @@ class SACConfig:
     tau: float  # by which target networks follow
     ent_coef: float | str  # `auto`, or `auto_0.1` to begin with 0.1
     action_entropy: float  # that the policy shall have, for each number of an action; the library's own is -1
+    expert_share: float = 0.0  # of the training episodes, those that the task's expert ends
+    takeover_steps: tuple[int, int] = (0, 100)  # fewest and most steps of these after which it takes over
 
     def __post_init__(self) -> None:
         check_positive(self, "learning_rate", "batch_size", "buffer_size", "gradient_steps", "n_steps", "tau")
         check_not_negative(self, "learning_starts")
         _check_shared(self.gamma, self.net_arch)
         check_inside("algorithm.action_entropy", self.action_entropy, (-10, _MOST_ENTROPY))
+        check_inside("algorithm.expert_share", self.expert_share, (0, 1))
+        low, high = self.takeover_steps
+        is_range = 0 <= low <= high
+        check(
+            is_range, f"algorithm.takeover_steps must be two rising whole numbers from 0 on, not [{low}, {high}]"
+        )
         if not isinstance(self.ent_coef, str):
             check_not_negative(self, "ent_coef")
             return
@@ -199,6 +207,7 @@ def read_reinforcement_config(folder: Path) -> ReinforcementConfig:
         RunError: it is missing or damaged.
     """
     try:
-        return from_mapping(ReinforcementConfig, load_yaml(folder / CONFIG), str(folder / CONFIG))
+        config = from_mapping(ReinforcementConfig, load_yaml(folder / CONFIG), str(folder / CONFIG))
+        return replace(config, algorithm=to_mapping(config.values))  # with values that older runs had not
     except ConfigError as error:
         raise RunError(str(error)) from error

@@ -15,9 +15,29 @@ import torch
 from sbx import PPO, SAC
 
 from artiskill.errors import ConfigError, RunError
+from artiskill.learning.expert_takeover import ExpertTakeover
 from artiskill.learning.reinforcement_config import ReinforcementConfig
 
-_KINDS = {"sac": SAC, "ppo": PPO}
+
+class GuidedSAC(SAC):
+    """SBX's, but for what an expert does in some episodes.
+
+    Attributes:
+        expert: who acts in them; None: nobody.
+    """
+
+    expert: ExpertTakeover | None = None
+
+    def _sample_action(self, *args: Any, **kwargs: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Return actions to take, and to store; both lie in [-1, 1]."""
+        actions, stored = super()._sample_action(*args, **kwargs)
+        if self.expert is None:
+            return actions, stored
+        replaced = self.expert.replace(actions)
+        return replaced, np.where(self.expert.acts[:, None], replaced, stored)
+
+
+_KINDS = {"sac": GuidedSAC, "ppo": PPO}
 _STATES = {"sac": ("actor_state", "qf_state"), "ppo": ("actor_state", "vf_state")}  # of the policy
 _threads: int | None = None  # of this process: JAX takes the number once, when it begins
 
@@ -50,6 +70,8 @@ def make_model(config: ReinforcementConfig, env: Any, kinds: Mapping[str, Any] =
         policy["layer_norm"] = True  # an option of SBX alone
     if config.name == "ppo":  # first actions are near 0, as Stable-Baselines3 has it
         policy |= {"log_std_init": values.pop("log_std_init"), "ortho_init": True}
+    for name in ("expert_share", "takeover_steps"):
+        values.pop(name, None)
     if "action_entropy" in values:
         values["target_entropy"] = values.pop("action_entropy") * env.action_space.shape[0]
     if not isinstance(values["ent_coef"], str):

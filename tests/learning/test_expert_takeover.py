@@ -1,0 +1,137 @@
+"""Episodes of training agents that an expert ends."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+pytest.importorskip("sbx", reason="needs the extra rl: `make test-rl`")
+
+from artiskill.envs.vector_env import ManipulationVectorEnv
+from artiskill.errors import PolicyError
+from artiskill.learning import expert_takeover, reinforcement
+from artiskill.learning.expert_takeover import ExpertTakeover
+from artiskill.learning.reinforcement import reinforce
+from artiskill.learning.reinforcement_config import load_reinforcement_config, read_reinforcement_config
+from artiskill.learning.run import CONFIG, Table
+
+TASK, OBJECT = "OpenCabinetDrawer", "cabinet-0003"
+TINY: dict[str, Any] = {
+    "objects": [OBJECT],
+    "target": "link_0",
+    "steps": 800,
+    "envs": 4,
+    "log_every": 400,
+    "evaluation.episodes": 2,
+    "evaluation.every": 800,
+    "algorithm.net_arch": [16],
+    "algorithm.batch_size": 16,
+    "algorithm.learning_starts": 100,
+    "algorithm.buffer_size": 800,
+    "algorithm.expert_share": 1.0,
+    "algorithm.takeover_steps": [3, 3],
+}
+
+
+def make_env(count: int) -> ManipulationVectorEnv:
+    env = ManipulationVectorEnv(count, TASK, [OBJECT], target="link_0", autoreset_mode="same_step")
+    env.reset(seed=3)
+    return env
+
+
+def test_the_expert_solves_what_the_agent_left_it() -> None:
+    env = make_env(4)
+    expert, solved = ExpertTakeover(env, 1.0, (5, 20), seed=1), np.zeros(4, dtype=bool)
+    by_agent = np.zeros(4, dtype=int)
+    for _ in range(150):
+        given = np.full((4, 13), 0.25)
+        acted, actions = expert.acts, expert.replace(given)
+        assert (actions[~acted] == 0.25).all()
+        assert (actions[acted] != 0.25).any(axis=1).all()
+        assert (given == 0.25).all(), "the agent's are left as they are"
+        _, _, terminated, truncated, _ = env.step(actions)
+        by_agent += ~acted & ~solved
+        solved |= terminated
+        assert (expert.advance(terminated | truncated) == acted).all()
+    assert solved.all()
+    assert by_agent.min() >= 5, "the agent acts first"
+    assert by_agent.max() <= 20
+
+
+def test_a_share_of_the_episodes_is_ended_by_the_expert() -> None:
+    expert = ExpertTakeover(make_env(8), 0.25, (2, 4), seed=1)
+    acted = []
+    for _ in range(100):  # episodes of five steps
+        for _ in range(4):
+            expert.advance(np.zeros(8, dtype=bool))
+        acted.append(expert.advance(np.ones(8, dtype=bool)))
+    assert 0.2 < np.mean(acted) < 0.3
+
+
+def test_it_goes_on_from_its_state() -> None:
+    env = make_env(4)
+    first, second = (ExpertTakeover(env, 0.5, (0, 9), seed) for seed in (1, 2))
+    for step in range(30):
+        first.advance(np.arange(4) == step % 4)
+    second.state = first.state
+    for step in range(50):
+        done = np.arange(4) == step % 3
+        assert (first.advance(done) == second.advance(done)).all()
+
+
+def test_where_the_expert_is_at_a_loss_the_agent_acts(monkeypatch: pytest.MonkeyPatch) -> None:
+    answers: list[Any] = [FloatingPointError("lost"), np.full(13, np.nan), np.full(13, 7.0)]
+
+    class Lost:
+        def act(self, snapshot: Any, goal: Any) -> np.ndarray:
+            answer = answers.pop(0)
+            if isinstance(answer, Exception):
+                raise answer
+            return np.asarray(answer)
+
+    monkeypatch.setattr(expert_takeover, "make_expert", lambda task, robot: Lost())
+    actions = ExpertTakeover(make_env(3), 1.0, (0, 0), seed=1).replace(np.zeros((3, 13)))
+    assert (actions[:2] == 0).all()
+    assert (actions[2] == 1).all(), "in [-1, 1]"
+
+
+def test_the_replay_buffer_has_what_was_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Constant:
+        def act(self, snapshot: Any, goal: Any) -> np.ndarray:
+            return np.full(13, 0.125)
+
+    monkeypatch.setattr(expert_takeover, "make_expert", lambda task, robot: Constant())
+    run = reinforce(load_reinforcement_config("sac", TASK, TINY | {"steps": 400}), tmp_path / "run")
+    stored = run.model.replay_buffer.actions[:100]  # (steps, environments, actions)
+    assert (stored[3:] == 0.125).all(), "no episode ends before 200 steps"
+    assert (stored[:3] != 0.125).any(axis=-1).all()
+
+
+def test_runs_count_episodes_of_the_expert_apart(tmp_path: Path) -> None:
+    reinforce(load_reinforcement_config("sac", TASK, TINY), tmp_path / "run")
+    rows = Table(tmp_path / "run/metrics.csv", 10**9).rows
+    ended = [float(row["expert_success"]) for row in rows if row.get("expert_success")]
+    assert ended
+    assert np.mean(ended) > 0.8
+    assert not any(row.get("success") for row in rows), "all episodes are the expert's"
+
+
+def test_a_run_of_an_older_version_is_read(tmp_path: Path) -> None:
+    config = load_reinforcement_config("sac", TASK, {"steps": 100})
+    (tmp_path / CONFIG).write_text(reinforcement.dump_yaml(config))
+    kept = [line for line in (tmp_path / CONFIG).read_text().splitlines() if "expert_share" not in line]
+    assert len(kept) + 1 == len((tmp_path / CONFIG).read_text().splitlines())
+    (tmp_path / CONFIG).write_text("\n".join(kept))
+    config.check_continues(read_reinforcement_config(tmp_path), tmp_path)
+
+
+def test_a_task_without_an_expert_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def none(task: str, robot: Any) -> Any:
+        raise PolicyError(f"there is no expert for {task}")
+
+    monkeypatch.setattr(reinforcement, "make_expert", none)
+    with pytest.raises(PolicyError, match="no expert"):
+        reinforce(load_reinforcement_config("sac", TASK, TINY), tmp_path / "run")
+    assert not (tmp_path / "run" / CONFIG).exists()
