@@ -1,6 +1,6 @@
 """Divide and conquer, as an example: `python tools/make_agent_demos.py --jobs 2`.
 
-An agent per object learns to open one drawer (`sac`, as in make_rl_tables.py, whose finished runs are used), is
+An agent per object learns to open one drawer (`sac-expert` of make_rl_tables.py, whose finished runs are used), is
 measured on new levels, and demonstrates; its demonstrations are played again and compared bit for bit. What each
 object costs goes to docs/data/agent_demos.csv and into docs/reinforcement_learning.md. Whatever ends this script,
 the same command goes on.
@@ -24,7 +24,7 @@ from learning_tables import commands
 from learning_tables.commands import in_pool
 from learning_tables.markdown import write_between
 from learning_tables.results import read_cost, read_measured, read_rows, write_rows
-from make_rl_tables import MANY_TASK, ONE, PAGE, Policy, trained_on
+from make_rl_tables import ALGORITHMS, MANY_TASK, ONE, PAGE, WITH_EXPERT, Policy, trained_on
 
 TABLE = Path("data", "agent_demos.csv")  # beside the page
 BEGIN, END = "<!-- made by tools/make_agent_demos.py -->", "<!-- end of the agents' demonstrations -->"
@@ -43,7 +43,7 @@ def main(arguments: list[str]) -> int:
         check(options.objects >= 0, f"--objects must be at least 0, not {options.objects}")
         check(options.per_object >= 1, f"--per-object must be at least 1, not {options.per_object}")
         first = sorted(trained_on(MANY_TASK))[: options.objects]
-        agents = [Policy(ONE, MANY_TASK, (name,), target, "sac", 0) for name, target, _ in first]
+        agents = [Policy(ONE, MANY_TASK, (name,), target, options.algorithm, 0) for name, target, _ in first]
         succeeded = in_pool(lambda agent: run(agent, options), agents, options.jobs)
         write_table([agent for agent in agents if (demos_of(agent, options.work) / COST).is_file()], options)
     except ArtiSkillError as error:
@@ -59,6 +59,7 @@ def make_parser() -> argparse.ArgumentParser:
     add("--work", type=Path, default=Path("results/reinforcement"), help="folder (default: %(default)s)")
     add("--page", type=Path, default=PAGE, help="with the two marks (default: docs/reinforcement_learning.md)")
     add("--objects", type=int, default=OBJECTS, help="the first ones of training (default: %(default)s)")
+    add("--algorithm", choices=tuple(ALGORITHMS), default=WITH_EXPERT, help="(default: %(default)s)")
     add("--per-object", type=int, default=PER_OBJECT, help="demonstrations (default: %(default)s)")
     add("--jobs", type=int, default=available_cores(), help="agents at once, a core each (default: all cores)")
     return parser

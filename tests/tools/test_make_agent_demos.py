@@ -60,6 +60,7 @@ def names(commands: list[list[str]]) -> list[str]:
 def test_each_object_has_an_agent_that_demonstrates(tmp_path: Path, commands: list[list[str]]) -> None:
     assert run(tmp_path, "--objects", "2") == 0
     assert names(commands) == ["train", "evaluate", "demos collect", "demos stats", "demos verify"] * 2
+    assert "algorithm.expert_share=0.25" in commands[0]
     collect = commands[2]
     assert collect[collect.index("--policy") + 1] == commands[0][commands[0].index("--out") + 1]
     assert collect[collect.index("--per-object") + 1] == "300"
