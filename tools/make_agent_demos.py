@@ -59,7 +59,7 @@ def make_parser() -> argparse.ArgumentParser:
     add("--work", type=Path, default=Path("results/reinforcement"), help="folder (default: %(default)s)")
     add("--page", type=Path, default=PAGE, help="with the two marks (default: docs/reinforcement_learning.md)")
     add("--objects", type=int, default=OBJECTS, help="the first ones of training (default: %(default)s)")
-    add("--algorithm", choices=tuple(ALGORITHMS), default=WITH_EXPERT, help="(default: %(default)s)")
+    add("--algorithm", choices=ALGORITHMS, default=WITH_EXPERT, help="(default: %(default)s)")
     add("--per-object", type=int, default=PER_OBJECT, help="demonstrations (default: %(default)s)")
     add("--jobs", type=int, default=available_cores(), help="agents at once, a core each (default: all cores)")
     return parser
