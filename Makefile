@@ -49,7 +49,7 @@ test-rl: ## run the tests that need torch, TorchRL, Stable-Baselines3 or SBX, in
 	$(bootstrap) test-rl
 	$(python) -m pytest tests/envs tests/tasks tests/evaluation -n $(WORKERS) -m "slow or not slow" \
 		-k "sb3 or torch or stable_baselines or example or record_video"
-	$(python) -m pytest tests/learning/test_reinforcement.py -n $(WORKERS)
+	$(python) -m pytest tests/learning/test_reinforcement.py tests/learning/test_expert_takeover.py -n $(WORKERS)
 
 test-lerobot: VENV = .venv-lerobot
 test-lerobot: ## let LeRobot read what is exported for it, and play our tasks, in .venv-lerobot
