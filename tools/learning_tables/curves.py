@@ -13,6 +13,7 @@ CSV_HEAD = ["table", "task", "objects", "target", "algorithm", "seed", "step", "
 _PANEL = ("table", "task")
 _LINE = ("objects", "target", "algorithm")
 _WIDTH_IN, _HEIGHT_IN, _DPI = 3.6, 3.0, 110
+_COLUMNS = 3  # of panels
 
 
 def draw(rows: Sequence[Mapping[str, str]], path: Path) -> None:
@@ -23,8 +24,12 @@ def draw(rows: Sequence[Mapping[str, str]], path: Path) -> None:
         path: of the picture.
     """
     panels = list(dict.fromkeys(tuple(row[name] for name in _PANEL) for row in rows))
-    figure = figure_class()(figsize=(len(panels) * _WIDTH_IN, _HEIGHT_IN), layout="constrained")
-    for axes, panel in zip(figure.subplots(1, len(panels), sharey=True, squeeze=False)[0], panels, strict=True):
+    columns = min(len(panels), _COLUMNS)
+    height = -(-len(panels) // columns)
+    size = (columns * _WIDTH_IN, height * _HEIGHT_IN)
+    figure = figure_class()(figsize=size, layout="constrained")
+    places = figure.subplots(height, columns, sharey=True, squeeze=False).flat
+    for axes, panel in zip(places, panels, strict=False):
         inside = [row for row in rows if tuple(row[name] for name in _PANEL) == panel]
         lines = list(dict.fromkeys(tuple(row[name] for name in _LINE) for row in inside))
         for line, color in zip(lines, cycle(COLORS), strict=False):
@@ -34,9 +39,12 @@ def draw(rows: Sequence[Mapping[str, str]], path: Path) -> None:
             axes.plot(steps / 1e3, rates.mean(0), color=color, label=label)
             axes.fill_between(steps / 1e3, rates.min(0), rates.max(0), color=color, alpha=0.2, linewidth=0)
         axes.set(title=", ".join(panel), xlabel="thousand steps", ylim=(-0.02, 1.02))
-        axes.legend(fontsize=7, frameon=False, loc="best")
+        axes.legend(fontsize=7, framealpha=0.8, edgecolor="none", loc="best")
         axes.grid(alpha=0.2)
-    figure.axes[0].set_ylabel("solved, of new levels")
+    for axes in figure.axes[len(panels) :]:
+        axes.remove()
+    for axes in figure.axes[::columns]:
+        axes.set_ylabel("solved, of new levels")
     path.parent.mkdir(exist_ok=True)
     with atomic_write(path) as temporary:
         figure.savefig(temporary, dpi=_DPI, format="png")
