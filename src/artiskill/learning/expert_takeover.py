@@ -88,4 +88,4 @@ class ExpertTakeover:
     @state.setter
     def state(self, state: dict[str, Any]) -> None:
         self._rng.bit_generator.state = state["rng"]
-        self._elapsed, self._first_step = state["elapsed"].copy(), state["first_step"].copy()
+        self._elapsed, self._first_step = state["elapsed"], state["first_step"]

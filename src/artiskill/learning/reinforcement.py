@@ -93,7 +93,7 @@ def reinforce(
 def _prepare(config: ReinforcementConfig, folder: Path) -> RunInfo:
     """Write what the run's folder says of itself, or compare it with what is asked for."""
     task = make_task(config.task, config.config)  # what is illegal is said before anything is written
-    if getattr(config.values, "expert_share", 0.0) > 0:
+    if config.expert_share > 0:
         make_expert(task.name, task.robot)
     objects = resolve_objects(list(config.objects), task=config.task)
     hashes = " ".join(checked_hash(one) for one in objects)
@@ -178,9 +178,9 @@ class Run:
             as_sb3(self._scaled), norm_obs=config.normalise, norm_reward=False, clip_obs=_CLIP
         )
         self.model = make_model(config, self._normal)
-        values = config.values
-        if getattr(values, "expert_share", 0.0) > 0:
-            self.model.expert = ExpertTakeover(env, values.expert_share, values.takeover_steps, config.seed)
+        if config.expert_share > 0:
+            steps = config.values.takeover_steps
+            self.model.expert = ExpertTakeover(env, config.expert_share, steps, config.seed)
         if saved is not None:
             try:
                 restore(self.model, saved)

@@ -56,10 +56,7 @@ class SACConfig:
         check_inside("algorithm.action_entropy", self.action_entropy, (-10, _MOST_ENTROPY))
         check_inside("algorithm.expert_share", self.expert_share, (0, 1))
         low, high = self.takeover_steps
-        is_range = 0 <= low <= high
-        check(
-            is_range, f"algorithm.takeover_steps must be two rising whole numbers from 0 on, not [{low}, {high}]"
-        )
+        check_value(self, "takeover_steps", 0 <= low <= high, "must be two rising whole numbers from 0 on")
         if not isinstance(self.ent_coef, str):
             check_not_negative(self, "ent_coef")
             return
@@ -166,6 +163,11 @@ class ReinforcementConfig:
             ConfigError: an unknown key or an illegal value.
         """
         return from_mapping(REINFORCEMENT[self.name], self.algorithm, "algorithm")
+
+    @property
+    def expert_share(self) -> float:
+        """Of the training episodes, those that the task's expert ends; 0 where the algorithm has no such value."""
+        return float(getattr(self.values, "expert_share", 0.0))
 
     def check_continues(self, other: "ReinforcementConfig", folder: Path) -> None:
         """Raise `RunError` if a run with these values cannot go on with other ones, but for a later end."""
