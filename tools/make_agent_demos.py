@@ -7,6 +7,7 @@ the same command goes on.
 """
 
 import argparse
+import itertools
 import json
 import shutil
 import sys
@@ -29,9 +30,9 @@ from make_rl_tables import ALGORITHMS, MANY_TASK, ONE, PAGE, WITH_EXPERT, Policy
 TABLE = Path("data", "agent_demos.csv")  # beside the page
 BEGIN, END = "<!-- made by tools/make_agent_demos.py -->", "<!-- end of the agents' demonstrations -->"
 OBJECTS, PER_OBJECT = 10, 300
-CSV_HEAD = ["object", "target", "training steps", "training seconds", "episodes", "successes"]
+CSV_HEAD = ["object", "target", "algorithm", "training steps", "training seconds", "episodes", "successes"]
 CSV_HEAD += ["asked for", "demonstrations", "attempts", "steps", "bytes", "collecting seconds"]
-HEAD = ["object", "target", "thousand steps of training", "minutes", "solved of new levels"]
+HEAD = ["object", "target", "algorithm", "thousand steps of training", "minutes", "solved of new levels"]
 HEAD += ["demonstrations of attempts", "steps each", "kB each", "seconds of collecting"]
 COST = "cost.json"  # beside the demonstrations, once they are verified
 
@@ -112,7 +113,7 @@ def demonstrate(agent: Policy, work: Path, per_object: int) -> bool:
 
 def demos_of(agent: Policy, work: Path) -> Path:
     """Return the folder of an agent's demonstrations."""
-    return work / "demos" / agent.task / agent.name
+    return work / "demos" / agent.task / agent.name / agent.algorithm
 
 
 def collect_command(agent: Policy, work: Path, per_object: int) -> list[str]:
@@ -123,16 +124,17 @@ def collect_command(agent: Policy, work: Path, per_object: int) -> list[str]:
 
 
 def write_table(agents: Sequence[Policy], options: argparse.Namespace) -> None:
-    """Write the CSV file, with its rows of other objects, if as much was asked of these; and the page's table.
+    """Write the CSV file, with its rows of other agents, if as much was asked of these; and the page's table.
 
     Raises:
         ConfigError: the page cannot be read, or lacks the marks; the CSV file has other columns.
     """
     path = options.page.parent / TABLE
     asked = str(options.per_object)
-    found = {row["object"]: row for row in read_rows(path, CSV_HEAD) if row["asked for"] == asked}
-    found |= {agent.name: row_of(agent, options.work) for agent in agents}
-    rows = [found[name] for name in sorted(found)]
+    known = [row for row in read_rows(path, CSV_HEAD) if row["asked for"] == asked]
+    known += [row_of(agent, options.work) for agent in agents]
+    found = {(row["algorithm"], row["object"]): row for row in known}  # the new ones last: they stay
+    rows = [found[key] for key in sorted(found)]
     write_rows(path, [CSV_HEAD, *([row[name] for name in CSV_HEAD] for row in rows)])
     write_between(options.page, BEGIN, END, table_text(rows))
 
@@ -141,26 +143,37 @@ def row_of(agent: Policy, work: Path) -> dict[str, str]:
     """Return the row of an object whose agent has demonstrated."""
     measured = read_measured(agent.folder(work) / "new")
     steps, seconds = read_cost(agent.folder(work) / "run")
-    row = {"object": agent.name, "target": agent.target, "training steps": steps, "training seconds": seconds}
+    row = {"object": agent.name, "target": agent.target, "algorithm": agent.algorithm}
+    row |= {"training steps": steps, "training seconds": seconds}
     row |= {"episodes": str(measured.episodes.total()), "successes": str(measured.successes.total())}
     return row | {name: str(value) for name, value in parse_json(read_bytes(demos_of(agent, work) / COST)).items()}
 
 
 def table_text(rows: Sequence[dict[str, str]]) -> str:
-    """Return the table, with all objects together below."""
+    """Return the table: below the objects of an algorithm, all of them together."""
     if not rows:
         return "Nothing is measured yet."
-    cells = [_cells([row], row["object"], row["target"]) for row in rows]
-    return markdown(HEAD, [*cells, _cells(rows, f"all {len(rows)}", "")])
+    cells = []
+    for algorithm, group in itertools.groupby(rows, key=lambda row: row["algorithm"]):
+        members = list(group)
+        cells += [_cells([row], row["object"], row["target"], algorithm) for row in members]
+        cells.append(_cells(members, f"all {len(members)}", "", algorithm))
+    return markdown(HEAD, cells)
 
 
-def _cells(rows: Sequence[dict[str, str]], name: str, target: str) -> list[str]:
+def _cells(rows: Sequence[dict[str, str]], name: str, target: str, algorithm: str) -> list[str]:
     """Return the cells of a row of the page, of one object or of several together."""
-    total = {key: sum(float(row[key]) for row in rows) for key in CSV_HEAD[2:]}
+    total = {key: sum(float(row[key]) for row in rows) for key in CSV_HEAD[3:]}
     made = total["demonstrations"]
     each = [f"{total['steps'] / made:.0f}", f"{total['bytes'] / made / 1000:.1f}"] if made else ["", ""]
     return [
-        *(name, target, f"{total['training steps'] / 1000:,.0f}", f"{total['training seconds'] / 60:.1f}"),
+        *(
+            name,
+            target,
+            algorithm,
+            f"{total['training steps'] / 1000:,.0f}",
+            f"{total['training seconds'] / 60:.1f}",
+        ),
         *(f"{total['successes'] / total['episodes']:.0%}", f"{made:,.0f} of {total['attempts']:,.0f}"),
         *(*each, f"{total['collecting seconds']:,.0f}"),
     ]

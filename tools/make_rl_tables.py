@@ -2,7 +2,7 @@
 
 `one`: a policy per object and seed. `many`: one over 1, 5, 10, 20 or 25 cabinets. Their states say where handles
 are (`state.handle`), or are what the base sees of free objects (`state.relative`); `plain` is `many` with the
-paper's state. With `--algorithm sac-expert`, the expert ends some of the training episodes. Each is trained, then
+paper's state. With `--algorithm sac-expert`, an expert takes over in some training episodes. Each is trained, then
 measured on new levels, by printed commands of `artiskill`. Whatever ends this script, the same command goes on.
 Finished runs stay in docs/data/reinforcement.csv, also without the work folder; the tables are made from it.
 """

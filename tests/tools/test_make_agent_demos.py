@@ -65,8 +65,8 @@ def test_each_object_has_an_agent_that_demonstrates(tmp_path: Path, commands: li
     assert collect[collect.index("--policy") + 1] == commands[0][commands[0].index("--out") + 1]
     assert collect[collect.index("--per-object") + 1] == "300"
     page = (tmp_path / "page.md").read_text()
-    assert "| cabinet-0002 | link_0 | 120 | 5.0 | 98% | 300 of 310 | 40 | 9.2 | 0 |" in page
-    assert "| all 2 |  | 240 | 10.0 | 98% | 600 of 620 | 40 | 9.2 | 0 |" in page
+    assert "| cabinet-0002 | link_0 | sac-expert | 120 | 5.0 | 98% | 300 of 310 | 40 | 9.2 | 0 |" in page
+    assert "| all 2 |  | sac-expert | 240 | 10.0 | 98% | 600 of 620 | 40 | 9.2 | 0 |" in page
     assert page.startswith("before\n")
     assert page.endswith("after\n")
 
@@ -107,7 +107,29 @@ def test_an_agent_that_gives_up_is_in_the_table(
     for name, value in {"trajectories": 0, "attempts": 50, "gave_up": ["link_0"]}.items():
         monkeypatch.setitem(COUNTED, name, value)
     assert run(tmp_path, "--objects", "1") == 0
-    assert "| cabinet-0002 | link_0 | 120 | 5.0 | 98% | 0 of 50 |  |  | 0 |" in (tmp_path / "page.md").read_text()
+    row = "| cabinet-0002 | link_0 | sac-expert | 120 | 5.0 | 98% | 0 of 50 |  |  | 0 |"
+    assert row in (tmp_path / "page.md").read_text()
+
+
+def test_each_algorithm_has_rows_of_its_own(tmp_path: Path, commands: list[list[str]]) -> None:
+    for algorithm in ("sac", "sac-expert"):
+        assert run(tmp_path, "--objects", "1", "--algorithm", algorithm) == 0
+        assert names(commands)[-5:] == ["train", "evaluate", "demos collect", "demos stats", "demos verify"]
+    page = (tmp_path / "page.md").read_text()
+    assert len(commands) == 10
+    for name in ("cabinet-0002 | link_0", "all 1 | "):
+        assert [f"| {name} | {algorithm} |" in page for algorithm in ("sac", "sac-expert")] == [True, True]
+
+
+def test_an_agent_that_was_not_trained_has_no_row(
+    tmp_path: Path, commands: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert run(tmp_path, "--objects", "1", "--algorithm", "sac") == 0
+    fail(monkeypatch, "sac")  # to train; with an expert, it is the same command
+    assert run(tmp_path, "--objects", "1") == 1
+    page = (tmp_path / "page.md").read_text()
+    assert "| sac |" in page
+    assert "sac-expert" not in page
 
 
 def fail(monkeypatch: pytest.MonkeyPatch, name: str) -> None:

@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 
 import make_rl_tables as script
+from artiskill.learning.reinforcement_config import load_reinforcement_config
 from learning_tables import curves
 from make_rl_tables import BEGIN, END, graded
 
@@ -80,6 +81,13 @@ def test_runs_that_an_expert_helps_have_rows_of_their_own(tmp_path: Path, comman
     assert all(command[1] == "sac" and "algorithm.expert_share=0.25" in command for command in trains)
     assert all(command[command.index("--steps") + 1] == "600000" for command in trains)
     assert _page(tmp_path).count("| sac |") == _page(tmp_path).count("| sac-expert |") == 3
+    commands.clear()
+    assert (
+        run(tmp_path, "--tables", "one", "--tasks", "MoveBucket", "--seeds", "0", "--algorithm", "sac-expert") == 0
+    )
+    values = commands[0][commands[0].index("--set") + 1 :]
+    assert {"algorithm.expert_share=0.5", "algorithm.action_entropy=-3", "config.state.relative=true"} <= {*values}
+    load_reinforcement_config("sac", "MoveBucket", dict(value.split("=") for value in values))
 
 
 def test_ended_runs_keep_their_last_value_in_curves(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from artiskill.files import atomic_write
 CSV_HEAD = ["table", "task", "objects", "target", "algorithm", "seed", "step", "episodes", "successes"]
 _PANEL = ("table", "task")
 _LINE = ("objects", "target", "algorithm")
-_WIDTH_IN, _HEIGHT_IN, _DPI = 3.6, 3.0, 110
+_WIDTH_IN, _HEIGHT_IN, _DPI = 3.6, 3.6, 110  # with legends below the axes
 _COLUMNS = 3  # of panels
 
 
@@ -39,7 +39,7 @@ def draw(rows: Sequence[Mapping[str, str]], path: Path) -> None:
             axes.plot(steps / 1e3, rates.mean(0), color=color, label=label)
             axes.fill_between(steps / 1e3, rates.min(0), rates.max(0), color=color, alpha=0.2, linewidth=0)
         axes.set(title=", ".join(panel), xlabel="thousand steps", ylim=(-0.02, 1.02))
-        axes.legend(fontsize=7, framealpha=0.8, edgecolor="none", loc="best")
+        axes.legend(fontsize=7, frameon=False, loc="upper left", bbox_to_anchor=(0, -0.19), borderaxespad=0)
         axes.grid(alpha=0.2)
     for axes in figure.axes[len(panels) :]:
         axes.remove()

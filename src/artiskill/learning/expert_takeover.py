@@ -1,4 +1,4 @@
-"""`ExpertTakeover`: an expert ends some episodes of an agent that trains.
+"""`ExpertTakeover`: an expert takes over in some episodes of an agent that trains.
 
 A robot that stands at a chair learns from its own actions that hands there earn more than hands elsewhere, and
 rarely that to push earns more still. In some episodes, the task's expert takes over from where the agent has come
@@ -23,7 +23,7 @@ class ExpertTakeover:
 
     Args:
         env: of B environments, which begin an episode now; an episode that ends is followed by another one.
-        share: of the episodes, those that the expert ends.
+        share: of the episodes, those in which the expert takes over if they last so long.
         takeover_steps: fewest and most steps of these after which the expert takes over.
         seed: of the run.
 
@@ -41,13 +41,18 @@ class ExpertTakeover:
         self._first_step = np.array([self._draw() for _ in range(env.num_envs)], dtype=np.int64)
 
     @property
-    def acts(self) -> np.ndarray:
-        """Where the expert acts in the next step, (B,) bool."""
+    def has_taken_over(self) -> np.ndarray:
+        """Where the expert is to take the next step, (B,) bool."""
         return self._elapsed >= self._first_step
 
+    @property
+    def is_drawn(self) -> np.ndarray:
+        """In which episodes the expert takes over if they last so long, (B,) bool."""
+        return self._first_step != _NEVER
+
     def replace(self, actions: np.ndarray) -> np.ndarray:
-        """Return the agent's actions (B, A), and the expert's where it acts and knows what to do."""
-        where = np.flatnonzero(self.acts).tolist()
+        """Return the agent's actions (B, A), and the expert's where it has taken over and knows what to do."""
+        where = np.flatnonzero(self.has_taken_over).tolist()
         if not where:
             return actions
         replaced = np.array(actions)
@@ -61,13 +66,11 @@ class ExpertTakeover:
                 replaced[i] = np.clip(action, -1.0, 1.0)
         return replaced
 
-    def advance(self, done: np.ndarray) -> np.ndarray:
-        """Count a step, after which episodes `done` (B,) have ended; return where the expert acted in it."""
-        acted = self.acts
+    def advance(self, done: np.ndarray) -> None:
+        """Count a step, after which episodes `done` (B,) have ended."""
         self._elapsed += 1
         for i in np.flatnonzero(done).tolist():
             self._elapsed[i], self._first_step[i] = 0, self._draw()
-        return acted
 
     def _draw(self) -> int:
         """Return the step of a new episode from which on the expert acts."""

@@ -1,8 +1,8 @@
 """`reinforce`: a run of reinforcement learning from its first step to its last, or on from where it was stopped.
 
-A library has the algorithms (`reinforcement_models.py`). What is ours: the environments, episodes that an expert
-ends (`expert_takeover.py`), evaluation on new levels, and checkpoints from which a run goes on with the same bits
-(`reinforcement_checkpoints.py`).
+A library has the algorithms (`reinforcement_models.py`). What is ours: the environments, episodes in which an
+expert takes over (`expert_takeover.py`), evaluation on new levels, and checkpoints from which a run goes on with
+the same bits (`reinforcement_checkpoints.py`).
 """
 
 import hashlib
@@ -20,7 +20,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecNormalize
 
 from artiskill.assets.catalog import checked_hash, object_id_of, resolve_objects
-from artiskill.config import dump_yaml
+from artiskill.config import check, dump_yaml
 from artiskill.envs.stable_baselines import as_sb3
 from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.errors import ConfigError, RunError
@@ -71,6 +71,7 @@ def reinforce(
             full.
         ConfigError: an illegal value, or another process trains in the folder.
         UnknownNameError, AssetError: objects that do not exist, or that cannot be used.
+        PolicyError: an expert shall take over, and the task has none.
         KeyboardInterrupt: a signal came; a checkpoint was saved.
     """
     folder = output_path(folder)
@@ -95,6 +96,9 @@ def _prepare(config: ReinforcementConfig, folder: Path) -> RunInfo:
     task = make_task(config.task, config.config)  # what is illegal is said before anything is written
     if config.expert_share > 0:
         make_expert(task.name, task.robot)
+        last, limit = config.values.takeover_steps[1], task.config.episode_steps
+        rule = f"must lie below the {limit} steps of an episode"
+        check(last < limit, f"algorithm.takeover_steps {rule}, not at {last}")
     objects = resolve_objects(list(config.objects), task=config.task)
     hashes = " ".join(checked_hash(one) for one in objects)
     info = RunInfo(
@@ -163,6 +167,7 @@ class Run:
 
     Raises:
         RunError: the checkpoint is damaged.
+        PolicyError: an expert shall take over, and the task has none.
     """
 
     def __init__(self, config: ReinforcementConfig, info: RunInfo, folder: Path, threads: int) -> None:
@@ -186,8 +191,6 @@ class Run:
                 restore(self.model, saved)
             except (RuntimeError, LookupError, TypeError, ValueError) as error:
                 raise RunError(f"{str(folder / LATEST)!r} does not fit the run: {error}") from error
-            if config.normalise:
-                self._normal.obs_rms = saved["normal"]
         self._saved_at, self._saved_step = time.perf_counter(), self.state.step
 
     @property
@@ -197,8 +200,10 @@ class Run:
         ends = measured.stop_after
         named = f"{len(objects)} objects" if len(objects) > 1 else objects[0]
         target = f", {config.target}" if config.target else ""
+        takes_over = f"; the expert takes over in {config.expert_share:.0%} of the episodes"
         return [
-            f"{config.name}, {config.task}: {named}{target}, from the state",
+            f"{config.name}, {config.task}: {named}{target}, from the state"
+            + (takes_over if config.expert_share else ""),
             f"{config.envs} environments, {config.steps} steps; {count_parameters(self.model)} parameters",
             f"success in {measured.episodes} episodes on new levels every {measured.every} steps chooses the "
             "checkpoint"
@@ -308,9 +313,7 @@ class Run:
             OSError: it cannot be written; the one before is as it was.
             RunError: a weight is not finite.
         """
-        statistics = self._normal.obs_rms if self.config.normalise else None
-        env = self._scaled.unwrapped
-        write_checkpoint(self._folder, self.state, self.acting, self.model, env, statistics)
+        write_checkpoint(self._folder, self.state, self.acting, self.model, self._scaled.unwrapped)
         self._saved_at, self._saved_step = time.perf_counter(), self.state.step
 
     def is_due(self, before: int, every: int) -> bool:
@@ -324,7 +327,6 @@ class _Loop(BaseCallback):
     def __init__(self, run: Run, records: Records, on_step: OnStep) -> None:
         super().__init__()
         self._run, self._records, self._report = run, records, on_step
-        self._rewards, self._episodes, self._solved = [0.0, 0], 0, 0
         self._text = ""
         self._is_first = True
 
@@ -336,10 +338,12 @@ class _Loop(BaseCallback):
         rewards, dones = self.locals["rewards"], self.locals["dones"]
         expert = getattr(self.model, "expert", None)
         self._add("reward", float(rewards.sum()) / self._run.config.reward_scale, len(rewards))
-        by_expert = np.zeros(len(dones), dtype=bool) if expert is None else expert.advance(dones)
         for env in np.flatnonzero(dones).tolist():
-            who = "expert_success" if by_expert[env] else "success"
-            self._add(who, float(self.locals["infos"][env]["success"]), 1)
+            solved = float(self.locals["infos"][env]["success"])
+            if expert is None or not expert.is_drawn[env]:
+                self._add("success", solved, 1)
+            elif expert.has_taken_over[env]:  # what ends before counts for nobody: it would favour agents
+                self._add("expert_success", solved, 1)
         return True
 
     def _on_rollout_end(self) -> None:

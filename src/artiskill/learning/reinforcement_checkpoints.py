@@ -31,7 +31,6 @@ def write_checkpoint(
     acting: dict[str, Any],
     model: Any,
     env: Any,
-    statistics: Any,
 ) -> None:
     """Write where a run stands.
 
@@ -41,7 +40,6 @@ def write_checkpoint(
         acting: what `StatePolicy` needs.
         model: that learns.
         env: vector of environments that it learns in.
-        statistics: of observations, by which these are scaled; None: they are not.
 
     Raises:
         OSError: it cannot be written; the checkpoint before is as it was.
@@ -50,10 +48,11 @@ def write_checkpoint(
     learned = model_state(model)  # first: nothing is written where numbers are not finite
     buffer = getattr(model, "replay_buffer", None)
     expert = getattr(model, "expert", None)
+    scaling = model.get_vec_normalize_env()
     going_on = {
         "env": env,
         "counters": {name: getattr(model, name, None) for name in _COUNTERS},
-        "normal": statistics,
+        "normal": scaling.obs_rms if scaling.norm_obs else None,
         "generators": (random.getstate(), np.random.get_state(), torch.get_rng_state()),  # noqa: NPY002 - the library's
         "warm_up": model.action_space.np_random.bit_generator.state,
     }
@@ -104,6 +103,8 @@ def restore(model: Any, saved: dict[str, Any]) -> None:
         for name, values in saved["buffer"].items():
             getattr(model.replay_buffer, name)[: len(values)] = values
         model.replay_buffer.pos, model.replay_buffer.full = saved["place"]
+    if saved["normal"] is not None:
+        model.get_vec_normalize_env().obs_rms = saved["normal"]
     if "expert" in saved:
         model.expert.state = saved["expert"]
     model.action_space.np_random.bit_generator.state = saved["warm_up"]

@@ -46,8 +46,8 @@ class SACConfig:
     tau: float  # by which target networks follow
     ent_coef: float | str  # `auto`, or `auto_0.1` to begin with 0.1
     action_entropy: float  # that the policy shall have, for each number of an action; the library's own is -1
-    expert_share: float = 0.0  # of the training episodes, those that the task's expert ends
-    takeover_steps: tuple[int, int] = (0, 100)  # fewest and most steps of these after which it takes over
+    expert_share: float = 0.0  # of the training episodes, those in which an expert takes over if they last so long
+    takeover_steps: tuple[int, int] = (0, 100)  # fewest and most steps of these before it does
 
     def __post_init__(self) -> None:
         check_positive(self, "learning_rate", "batch_size", "buffer_size", "gradient_steps", "n_steps", "tau")
@@ -166,7 +166,7 @@ class ReinforcementConfig:
 
     @property
     def expert_share(self) -> float:
-        """Of the training episodes, those that the task's expert ends; 0 where the algorithm has no such value."""
+        """In which share of training episodes an expert takes over; 0 where the algorithm has no such value."""
         return float(getattr(self.values, "expert_share", 0.0))
 
     def check_continues(self, other: "ReinforcementConfig", folder: Path) -> None:

@@ -23,7 +23,7 @@ class GuidedSAC(SAC):
     """SBX's, but for what an expert does in some episodes.
 
     Attributes:
-        expert: who acts in them; None: nobody.
+        expert: who takes over in them; None: nobody.
     """
 
     expert: ExpertTakeover | None = None
@@ -34,7 +34,14 @@ class GuidedSAC(SAC):
         if self.expert is None:
             return actions, stored
         replaced = self.expert.replace(actions)
-        return replaced, np.where(self.expert.acts[:, None], replaced, stored)
+        return replaced, np.where(self.expert.has_taken_over[:, None], replaced, stored)
+
+    def _store_transition(
+        self, replay_buffer: Any, buffer_action: Any, new_obs: Any, reward: Any, dones: Any, infos: Any
+    ) -> None:
+        super()._store_transition(replay_buffer, buffer_action, new_obs, reward, dones, infos)
+        if self.expert is not None:
+            self.expert.advance(dones)
 
 
 _KINDS = {"sac": GuidedSAC, "ppo": PPO}
