@@ -7,7 +7,8 @@ printed beside. The set is the demonstration pack's drawers, again and again.
 `training`: samples per core-second, one thread, of every network with every algorithm, on random clouds of 256
 points for the small networks and of 1,200 for the others; processor time, everything of a step but reading.
 `acting`: milliseconds of processor time for one observation, with torch and by an exported file. Of several rounds
-the best counts: other work on the machine only slows.
+the best counts: other work on the machine only slows. `pretrained`: the package's policies in an episode of their
+own, with the environment's steps in between; median and 95th percentile.
 
     python benchmarks/learning.py reading --memory-mb 300 --points 256 --batch-size 128
     python benchmarks/learning.py training acting --networks small
@@ -23,13 +24,17 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import torch
 
+import artiskill
 from artiskill.demos.demos import PACK
+from artiskill.envs.wrappers import Sampling
 from artiskill.learning.algorithm import Algorithm
-from artiskill.learning.array_policy import ArrayPolicy, Header, write_policy
+from artiskill.learning.array_policy import ArrayPolicy, Header, load_policy, write_policy
 from artiskill.learning.batch import Batch, Observation, Sizes, Statistics
 from artiskill.learning.building import build_training_set
 from artiskill.learning.loading import BatchLoader
@@ -53,6 +58,7 @@ from artiskill.learning.training_set import (
     TrainingSet,
     manifest_text,
 )
+from artiskill.tasks.registry import task_names
 
 _RATIO = 10  # of the set to the memory allowed to it
 _PAGE = 4096
@@ -230,6 +236,23 @@ def report_acting(network: str, algorithm: str, folder: Path) -> None:
     print(f"acting {network}, {algorithm}: {with_torch:.2f} ms with torch, {without:.2f} ms without", flush=True)
 
 
+def report_pretrained(task: str, steps: int = 150) -> None:
+    """Play an episode and time each action of it."""
+    policy, level = load_policy(task), {"level": 3, "object": artiskill.list_objects(task=task)[0]}
+    env: Any = gym.make(f"ArtiSkill/{task}-v0", obs_mode=policy.obs_mode).unwrapped
+    Sampling(**policy.sampling).wrap(env)
+    observation, _ = env.reset(options=level)
+    times = []
+    for _ in range(steps):
+        start = time.process_time()
+        action = policy.act(observation)
+        times.append(1e3 * (time.process_time() - start))
+        observation, *_ = env.step(action)
+    env.close()
+    median, high = np.percentile(times[5:], (50, 95))  # what is loaded when first used is not counted
+    print(f"acting {task}, of the package: {median:.2f} ms, 95 % within {high:.2f} ms", flush=True)
+
+
 def report_set(arguments: argparse.Namespace) -> None:
     """Build a set, and read it without and with what is seen next."""
     memory = arguments.memory_mb * 1e6
@@ -251,8 +274,8 @@ def report_set(arguments: argparse.Namespace) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parts = ("reading", "training", "acting")
-    parser.add_argument("parts", nargs="*", default=parts, metavar="PART", help="reading, training, acting (all)")
+    parts = ("reading", "training", "acting", "pretrained")
+    parser.add_argument("parts", nargs="*", default=parts, metavar="PART", help=f"{', '.join(parts)} (all)")
     parser.add_argument("--networks", nargs="+", choices=NETWORKS, default=NETWORKS)
     parser.add_argument("--memory-mb", type=float, default=300, help="allowed to reading")
     parser.add_argument("--points", type=int, default=256)
@@ -282,6 +305,9 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as name:
             for network, algorithm in pairs:
                 report_acting(network, algorithm, Path(name))
+    if "pretrained" in arguments.parts:
+        for task in task_names():
+            report_pretrained(task)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 """Digests of all that follows from seeds, levels and actions.
 
 `python -m tests.contract.bits few` prints them; `record` in place of `few` writes them to `digests.json`, with
-which every Python is compared. A change that is meant to change bits records them anew; the CHANGELOG says so.
+which every Python is compared; `acting` prints digests of what policies do. A change that is meant to change bits
+records them anew; the CHANGELOG says so.
 """
 
 import dataclasses
@@ -17,6 +18,7 @@ import gymnasium as gym
 import numpy as np
 
 import artiskill
+from artiskill.evaluation.policies import load_policy, policy_of_task
 
 # objects whose hash, which rounds, once differed between processors all the same
 ONCE_UNLIKE = ("chair-0004", "chair-0023", "chair-0028", "chair-0032", "chair-0033", "chair-0034")
@@ -29,6 +31,7 @@ STATE_OPTIONS = {
     "MoveBucket": ("bucket-0016", "state.relative"),
 }
 STEPS = {"state": 25, "pointcloud": 4, "rgbd": 4}
+ACTIONS = 30  # of a policy
 
 Episode = tuple[str, str, str, str]  # task, object, obs_mode, control_mode
 
@@ -114,6 +117,26 @@ def pieces(value: Any) -> Iterator[bytes]:
         yield repr(value).encode()
 
 
+def acting() -> dict[str, str]:
+    """A digest of the first actions of experts and of the package's policies."""
+    found = {}
+    for task, ids in of_tasks():
+        for name in ("expert", "pretrained"):
+            actor = load_policy(policy_of_task(name, task))
+            env: Any = gym.make(f"ArtiSkill/{task}-v0", obs_mode=actor.obs_mode or "state").unwrapped
+            if actor.sampling is not None:
+                actor.sampling.wrap(env)
+            observation, info = env.reset(options={"level": 3, "object": ids[0]})
+            actor.reset(env, observation, info)
+            actions = []
+            for _ in range(ACTIONS):
+                actions.append(actor.act(env, observation))
+                observation, *_ = env.step(actions[-1])
+            found[f"{name} {task}"] = digest(actions)
+            env.close()
+    return found
+
+
 def probes() -> dict[str, str]:
     """What NumPy and BLAS themselves make of some numbers: differs where a switch is felt."""
     rng = np.random.default_rng(0)
@@ -131,5 +154,7 @@ def record() -> None:
 if __name__ == "__main__":
     if sys.argv[1] == "record":
         record()
+    elif sys.argv[1] == "acting":
+        print(json.dumps({"digests": acting(), "probes": probes()}))
     else:
         print(json.dumps({"digests": digests(*(few() if sys.argv[1] == "few" else whole())), "probes": probes()}))

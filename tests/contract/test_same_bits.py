@@ -19,7 +19,7 @@ import pytest
 
 import artiskill
 
-from .bits import RECORDED, digests, few, probes, whole
+from .bits import RECORDED, acting, digests, few, probes, whole
 
 ROOT = Path(__file__).resolve().parents[2]
 PACK = Path(artiskill.__file__).parent / "demos" / "pack"
@@ -80,6 +80,18 @@ def test_objects_and_episodes_have_the_same_bits_on_another_processor(processor:
     unlike = [name for name, value in here(size).items() if there["digests"][name] != value]
     assert there["digests"].keys() == here(size).keys()
     assert not unlike
+
+
+@pytest.mark.parametrize("processor", ["AVX2", "SSE3 in BLAS alone"])
+def test_experts_and_policies_act_the_same_on_another_processor(processor: str) -> None:
+    command = [sys.executable, "-m", "tests.contract.bits", "acting"]
+    result = subprocess.run(command, cwd=ROOT, env=environment(processor), capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    there: dict[str, Any] = json.loads(result.stdout)
+    if there["probes"] == probes():
+        pytest.skip("NumPy and BLAS compute the same with these switches: nothing to compare")
+    assert there["digests"] == acting()
+    assert len(there["digests"]) == 8
 
 
 @pytest.mark.slow

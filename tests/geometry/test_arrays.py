@@ -12,7 +12,7 @@ import artiskill
 from artiskill.geometry.arrays import arccos, arcsin, arctan2, dot, exp, matmul, power, rotate, total
 
 SOURCE = Path(artiskill.__file__).parent
-ROOMS = ("geometry", "assets", "robots", "scene", "sim", "sensors", "tasks", "envs")
+ROOMS = ("geometry", "assets", "robots", "scene", "sim", "sensors", "tasks", "envs", "experts")
 # NumPy hands these to BLAS or LAPACK, or has several codes for them, for several processors
 UNLIKE = {
     *("dot", "vdot", "inner", "tensordot", "einsum", "matmul", "vecdot", "matvec", "vecmat", "linalg", "cov"),
@@ -25,7 +25,7 @@ UNLIKE = {
 EXEMPT = {
     "geometry/arrays.py": "calls them for arrays of other libraries",
     "assets/partnet": "imports from files, with CoACD: no hash of a catalogue is compared",
-    "robots/kinematics.py": "of policies, whose actions are recorded; simulating never asks it",
+    "experts/mpc.py": "checks whether objects can be solved, by plans that are drawn",
     "sensors/camera.py": "whether a matrix is a rotation, to within 1e-6",
     "sensors/pictures/framing.py": "where to look from, for pictures of objects",
     "sensors/pictures/objects.py": "pictures of objects",

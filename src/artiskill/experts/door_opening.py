@@ -14,6 +14,7 @@ import numpy as np
 from artiskill.config import check_inside, check_not_negative, check_positive
 from artiskill.experts.frames import Frame, Motion, axis_rotation, head_for, limited, ramp, rotation_error
 from artiskill.experts.handle_grasp import CabinetPhase, HandAtHandle
+from artiskill.geometry.arrays import norm, small_product
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.open_cabinet import CabinetGoal
 
@@ -105,7 +106,7 @@ class Door:
     @property
     def hangs(self) -> bool:
         """Whether it hangs from its hinge, and falls shut when it is let go."""
-        return float((self.back @ self.along)[2]) < _HANGING
+        return float(small_product(self.back, self.along)[2]) < _HANGING
 
     def point(self, along_m: float, outward_m: float) -> np.ndarray:
         """Return a point of the level that the grasp lies in, (3,)."""
@@ -114,7 +115,7 @@ class Door:
     def coordinates(self, point: np.ndarray) -> tuple[float, float]:
         """Of a point: along the door from the hinge on, and outward."""
         offset = point - self.hinge
-        return float(offset @ self.along), float(offset @ self.outward)
+        return float(small_product(offset, self.along)), float(small_product(offset, self.outward))
 
     def arc(self, point: np.ndarray) -> np.ndarray:
         """Return velocity of a point of the door per rad/s of opening, (3,)."""
@@ -127,23 +128,23 @@ def door_of(snapshot: Snapshot, goal: CabinetGoal) -> Door:
     rotation, position = snapshot.link_rotation_w[0, link], snapshot.link_position_w[0, link]
     axis, origin = goal.joint_axis[0], goal.joint_origin[0]
     lever = goal.grasp_positions[0, 0] - origin
-    height = float(lever @ axis)
+    height = float(small_product(lever, axis))
     outward = -goal.grasp_rotations[0, 0][:, 2]  # the hand comes from the room
-    outward = outward - (outward @ axis) * axis
-    outward = outward / np.linalg.norm(outward)
+    outward = outward - small_product(outward, axis) * axis
+    outward = outward / norm(outward)
     along = np.cross(outward, axis)
     corners = np.array(list(product(*goal.link_bounds[0].T))) - origin  # (8, 3)
     return Door(
-        hinge=position + rotation @ (origin + height * axis),
-        axis=rotation @ axis,
-        along=rotation @ along,
-        outward=rotation @ outward,
+        hinge=position + small_product(rotation, origin + height * axis),
+        axis=small_product(rotation, axis),
+        along=small_product(rotation, along),
+        outward=small_product(rotation, outward),
         angle_rad=float(snapshot.object_qpos[0, joint] - goal.lower[0]),
         rate_rad_s=float(snapshot.object_qvel[0, joint]),
-        edge_m=float((corners @ along).max()),
-        inner_m=float((corners @ outward).min()),
-        outer_m=float((corners @ outward).max()),
-        grasp_m=float(lever @ outward),
+        edge_m=float(small_product(corners, along).max()),
+        inner_m=float(small_product(corners, outward).min()),
+        outer_m=float(small_product(corners, outward).max()),
+        grasp_m=float(small_product(lever, outward)),
         grasp_width_m=float(goal.grasp_width_m[0]),
     )
 
@@ -185,7 +186,7 @@ def pushing_hand(door: Door, config: DoorConfig) -> np.ndarray:
     It points into the cabinet, and as far towards the door as keeps it along the inner face of one that is ajar.
     """
     turn = np.clip(np.pi / 2 - door.angle_rad + config.lead_rad, 0.0, config.heading_rad)
-    forward = axis_rotation(door.axis, -turn) @ door.back @ -door.outward
+    forward = small_product(small_product(axis_rotation(door.axis, -turn), door.back), -door.outward)
     return np.stack((np.cross(door.axis, forward), door.axis, forward), axis=1)
 
 
@@ -203,7 +204,7 @@ def pull(door: Door, left_rad: float, grasp: Frame, tool: Frame, config: DoorCon
     """
     stiff = door.hangs or door.grasp_width_m > config.pivot_width_m
     pivot = 0.0 if stiff else _pivot_rad(door, grasp, tool, config)
-    wanted = Frame(grasp.position, axis_rotation(door.axis, -pivot) @ grasp.rotation)
+    wanted = Frame(grasp.position, small_product(axis_rotation(door.axis, -pivot), grasp.rotation))
     wanted_rad_s = _wanted_rate(left_rad, config.pull_rate_rad_s, config)
     feed = _feed(door, wanted_rad_s, tool, config.pull_gain, config.pull_speed_m_s)
     turning = (1.0 if stiff else config.follow) * max(door.rate_rad_s, 0.0)
@@ -215,7 +216,7 @@ def _pivot_rad(door: Door, grasp: Frame, tool: Frame, config: DoorConfig) -> flo
 
     Where the door takes the hand along, because fingertips meet the panel, to resist would press the door shut.
     """
-    now = float(rotation_error(tool.rotation, grasp.rotation) @ door.axis)
+    now = float(small_product(rotation_error(tool.rotation, grasp.rotation), door.axis))
     return min(max(now, 0.0), (1 - config.follow) * max(door.angle_rad, 0.0))
 
 
@@ -236,7 +237,7 @@ def around(door: Door, tool: Frame, rotation: np.ndarray, config: DoorConfig) ->
     if door.angle_rad < _NO_WAY * ajar_rad(door, config):
         point = door.point(clear + _AIM_M, outward)
     else:
-        turn_rad = float(np.linalg.norm(rotation_error(tool.rotation, rotation)))
+        turn_rad = float(norm(rotation_error(tool.rotation, rotation)))
         beside = ramp(along, clear - 2 * _BLEND_M, clear - _BLEND_M)
         is_behind = ramp(outward, behind + 2 * _BLEND_M, behind + _BLEND_M)
         enters = max(ramp(turn_rad, _BROAD_RAD, _TURNED_RAD), ramp(along, door.edge_m + _BLEND_M, door.edge_m))
@@ -267,4 +268,4 @@ def _feed(door: Door, wanted_rad_s: float, tool: Frame, gain: float, speed_m_s: 
     """Velocity (3,) of the hand along its arc."""
     arc = door.arc(tool.position)
     rate = wanted_rad_s + gain * (wanted_rad_s - door.rate_rad_s)
-    return arc * min(rate, speed_m_s / float(np.linalg.norm(arc)))
+    return arc * min(rate, speed_m_s / float(norm(arc)))

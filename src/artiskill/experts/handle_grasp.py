@@ -14,6 +14,7 @@ import numpy as np
 from artiskill.config import check_not_negative, check_positive, check_value
 from artiskill.experts.frames import Frame, axis_rotation, ramp, rotation_error, yaw_rotation
 from artiskill.experts.whole_body import TRUNK
+from artiskill.geometry.arrays import arctan2, norm, small_product
 from artiskill.robots.config import RobotConfig
 from artiskill.robots.kinematics import RobotKinematics
 from artiskill.sim.snapshot import Snapshot
@@ -149,13 +150,13 @@ class Posture:
         arm, offset = self.arm.copy(), self.tool_offset.copy()
         arm[_SWING] -= bearing_rad
         lever = (offset - shoulder)[:2]
-        offset[:2] += yaw_rotation(-bearing_rad)[:2, :2] @ lever - lever
+        offset[:2] += small_product(yaw_rotation(-bearing_rad)[:2, :2], lever) - lever
         return Posture(arm, offset, bearing_rad)
 
     def joints(self, wanted: Frame) -> np.ndarray:
         """Base x, y and yaw, lift and arm from which the hand has a wanted pose, (11,)."""
-        yaw = float(np.arctan2(wanted.forward[1], wanted.forward[0])) + self.bearing_rad
-        base = wanted.position[:2] - (yaw_rotation(yaw) @ self.tool_offset)[:2]
+        yaw = float(arctan2(wanted.forward[1], wanted.forward[0])) + self.bearing_rad
+        base = wanted.position[:2] - small_product(yaw_rotation(yaw), self.tool_offset)[:2]
         lift = max(0.0, wanted.position[2] - self.tool_offset[2])
         return np.concatenate((base, (yaw, lift), self.arm))
 
@@ -196,8 +197,8 @@ def grasp_pose(
     rotation, point = snapshot.link_rotation_w[0, link], goal.grasp_positions[0, 0]
     if config.along:
         point = point + _shift(goal, config.along)
-    position = snapshot.link_position_w[0, link] + rotation @ point
-    candidates = rotation @ goal.grasp_rotations[0]
+    position = snapshot.link_position_w[0, link] + small_product(rotation, point)
+    candidates = small_product(rotation, goal.grasp_rotations[0])
     now = float(snapshot.robot_qpos[0, last_joint])
     tool = snapshot.tool_rotation_w[0, 0]
     return Frame(position, nearest_roll(candidates, tool, now, rest_rad + config.roll_rad, config.roll_weight))
@@ -208,8 +209,10 @@ def leaning(frame: Frame, config: GraspConfig, tilt_rad: float) -> Frame:
     share = ramp(tilt_rad, _MOST_TILTED_RAD, 0.0)
     if not share or not (config.lean_along_rad or config.lean_across_rad):
         return frame
-    lean = axis_rotation(_X, share * config.lean_along_rad) @ axis_rotation(_Y, share * config.lean_across_rad)
-    return Frame(frame.position, frame.rotation @ lean)
+    lean = small_product(
+        axis_rotation(_X, share * config.lean_along_rad), axis_rotation(_Y, share * config.lean_across_rad)
+    )
+    return Frame(frame.position, small_product(frame.rotation, lean))
 
 
 def nearest_roll(
@@ -225,9 +228,9 @@ def nearest_roll(
         weight: cost of a radian from there.
     """
     best, chosen, turn = math.inf, candidates[0], 0.0
-    relative = tool.T @ candidates
+    relative = small_product(tool.T, candidates)
     for number, roll in enumerate(
-        np.arctan2(relative[:, 1, 0] - relative[:, 0, 1], relative[:, 0, 0] + relative[:, 1, 1]).tolist()
+        arctan2(relative[:, 1, 0] - relative[:, 0, 1], relative[:, 0, 0] + relative[:, 1, 1]).tolist()
     ):
         for left in (roll, roll - math.copysign(2 * math.pi, roll)):
             end = now_rad + left
@@ -236,14 +239,16 @@ def nearest_roll(
             if cost < best:
                 best, chosen, turn = cost, candidates[number], left
     if abs(turn) > _AHEAD_RAD + math.pi / 4:
-        chosen = chosen @ axis_rotation(_Z, math.copysign(_AHEAD_RAD, turn) - turn)
+        chosen = small_product(chosen, axis_rotation(_Z, math.copysign(_AHEAD_RAD, turn) - turn))
     return chosen
 
 
 def _shift(goal: CabinetGoal, share: float) -> np.ndarray:
     """Return a shift along the handle, (3,), as far as it can be gripped as deep and high as in the middle."""
     axes = goal.grasp_rotations[0, 0]
-    along, across, forward = axes.T @ goal.handle_points[0] - (axes.T @ goal.grasp_positions[0, 0])[:, None]
+    along, across, forward = (
+        small_product(axes.T, goal.handle_points[0]) - small_product(axes.T, goal.grasp_positions[0, 0])[:, None]
+    )
     is_like = np.abs(across) < goal.grasp_width_m[0] / 2 + _AS_DEEP_M
     front = forward[is_like & (np.abs(along) < _HALF_HAND_M)].min(initial=math.inf)
     is_like &= forward < front + _AS_DEEP_M
@@ -268,7 +273,7 @@ def tilted(frame: Frame, tilt_rad: float) -> Frame:
     if not tilt_rad:
         return frame
     x, y, _ = frame.forward
-    return Frame(frame.position, axis_rotation(np.array((-y, x, 0.0)), tilt_rad) @ frame.rotation)
+    return Frame(frame.position, small_product(axis_rotation(np.array((-y, x, 0.0)), tilt_rad), frame.rotation))
 
 
 @dataclass(frozen=True, eq=False)
@@ -360,9 +365,9 @@ def hand_at_handle(
     tool, fingers = snapshot.tool_rotation_w[0, 0], slice(first_finger, first_finger + 2)
     return HandAtHandle(
         config=config,
-        error_m=tool.T @ (grasp.position - snapshot.tool_position_w[0, 0]),
-        turn_rad=float(np.linalg.norm(rotation_error(tool, grasp.rotation))),
-        speed_m_s=float(snapshot.fingertip_velocity_w[0, :2].mean(axis=0) @ tool[:, 2]),
+        error_m=small_product(tool.T, grasp.position - snapshot.tool_position_w[0, 0]),
+        turn_rad=float(norm(rotation_error(tool, grasp.rotation))),
+        speed_m_s=float(small_product(snapshot.fingertip_velocity_w[0, :2].mean(axis=0), tool[:, 2])),
         opening_m=float(snapshot.robot_qpos[0, fingers].sum()),
         width_m=width_m,
         wide_m=min(most_m, width_m + 2 * config.finger_clearance_m),

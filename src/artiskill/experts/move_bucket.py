@@ -20,6 +20,7 @@ from artiskill.experts.frames import curved, limited, ramp, wrapped
 from artiskill.experts.pressing import Body, PressingConfig, PressingHands, View
 from artiskill.experts.walls import Press, Wall, wall_of
 from artiskill.experts.whole_body import Command
+from artiskill.geometry.arrays import arctan2, norm, small_product
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.grasp_candidates import OUTLINE_LEVELS
@@ -125,7 +126,7 @@ class MoveBucketExpert:
         config = self.config
         way = (-config.inner_distance_m * view.heading + config.aside_m * view.axis - position)[:2]
         flat = limited(config.carry_gain_s * way, config.carry_speed_m_s)
-        flat = curved(flat, config.curve_rad_m * float(np.linalg.norm(way)))
+        flat = curved(flat, config.curve_rad_m * float(norm(way)))
         flat = flat * ramp(position[2], 0.6 * config.clear_m, 1.6 * config.clear_m)
         up = config.carry_gain_s * (config.rise_m - position[2])
         return np.array((*flat, min(max(up, -config.lift_speed_m_s), config.lift_speed_m_s)))
@@ -155,8 +156,8 @@ def _turn_cost(snapshot: Snapshot, directions: np.ndarray, config: PressConfig) 
     """Return (D,): how far around the bucket the robot has to go, and whether the platform is in the way there."""
     bucket, base = snapshot.link_position_w[0, 0, :2], snapshot.robot_qpos[0, :2]
     x_axis = snapshot.link_rotation_w[0, 0, :2, 0]
-    heading = directions + np.arctan2(x_axis[1], x_axis[0]) - np.pi / 2  # the robot's, with that to its left
-    now, outwards = (np.arctan2(*v[::-1]) for v in (bucket - base, bucket))
+    heading = directions + arctan2(x_axis[1], x_axis[0]) - np.pi / 2  # the robot's, with that to its left
+    now, outwards = (arctan2(*v[::-1]) for v in (bucket - base, bucket))
     turn, aside = np.abs(wrapped(heading - now)), wrapped(heading + np.pi - outwards)
     too_far = np.maximum(np.abs(aside) - config.platform_side_rad, 0.0)
     cost = config.turn_weight * turn**2 + config.side_weight * wrapped(aside - config.side_rad) ** 2
@@ -169,9 +170,9 @@ def _missing_clearance(snapshot: Snapshot, goal: BucketGoal, wall: Wall, config:
     moving = np.flatnonzero(link > 0)
     if not len(moving):
         return np.zeros_like(wall.reach_m)
-    points = (snapshot.link_rotation_w[0, link[moving]] @ goal.points[0, moving, :, None])[..., 0]
+    points = small_product(snapshot.link_rotation_w[0, link[moving]], goal.points[0, moving, :, None])[..., 0]
     points = points + snapshot.link_position_w[0, link[moving]] - snapshot.link_position_w[0, 0]
-    points = points @ snapshot.link_rotation_w[0, 0]  # in the root's frame, (M, 3)
+    points = small_product(points, snapshot.link_rotation_w[0, 0])  # in the root's frame, (M, 3)
     cos, sin = np.cos(wall.directions_rad)[:, None], np.sin(wall.directions_rad)[:, None]
     along, across = cos * points[:, 0] + sin * points[:, 1], cos * points[:, 1] - sin * points[:, 0]  # (D, M)
     before = (np.abs(across) < config.bail_band_m) & (along > wall.reach_m[:, :, None] - 0.01)  # (Z, D, M)
@@ -185,7 +186,7 @@ def _too_low(snapshot: Snapshot, wall: Wall, config: PressConfig) -> np.ndarray:
     cos, sin = np.cos(wall.directions_rad), np.sin(wall.directions_rad)
     heights = np.broadcast_to(wall.heights_m[:, None], wall.reach_m.shape)
     places = np.stack((wall.reach_m * cos, wall.reach_m * sin, heights), axis=-1)  # (Z, K, 3)
-    places = places @ snapshot.link_rotation_w[0, 0].T + snapshot.link_position_w[0, 0]
+    places = small_product(places, snapshot.link_rotation_w[0, 0].T) + snapshot.link_position_w[0, 0]
     above = np.abs(places[..., :2]).max(axis=-1) < config.platform_half_m
     low: np.ndarray = above * np.maximum(config.platform_clear_m - places[..., 2], 0.0)
     return low

@@ -17,6 +17,7 @@ from artiskill.config import CONFIG_DIR, check_positive, check_value, load_confi
 from artiskill.envs.control import JOINT, ActionScale
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError, DivergedError, shown
+from artiskill.geometry.arrays import small_product
 from artiskill.scene.scene import Scene
 from artiskill.sim.simulation import Simulation
 from artiskill.sim.snapshot import Snapshot
@@ -205,7 +206,7 @@ class Planner:
                 diverged.update(error.causes)
             rewards.append(self._reward(self._simulation.snapshot()))
         weights = self._config.discount ** np.arange(len(rewards))
-        values = np.asarray(weights @ np.stack(rewards))
+        values = np.asarray(small_product(weights, np.stack(rewards)))
         values[list(diverged)] = -np.inf
         return values
 

@@ -38,6 +38,7 @@ from artiskill.experts.whole_body import (
     WholeBodyController,
     in_base_axes,
 )
+from artiskill.geometry.arrays import norm, small_product
 from artiskill.robots.arm_config import load_arm
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
@@ -205,7 +206,7 @@ class OpenCabinetExpert:
         """To the handle through the funnel before it."""
         config, grasp, share = self.config, now.grasp, now.hand.standoff
         before = Frame(grasp.position - share * config.grip.standoff_m * grasp.forward, grasp.rotation)
-        far = ramp(float(np.linalg.norm(now.hand.error_m)), config.grip.standoff_m, 2 * config.grip.standoff_m)
+        far = ramp(float(norm(now.hand.error_m)), config.grip.standoff_m, 2 * config.grip.standoff_m)
         fast = max(share, far)
         speed = config.reach_speed_m_s + fast * (config.approach_speed_m_s - config.reach_speed_m_s)
         return head_for(Frame(approach_point(config.stance, before, now.tool.position), grasp.rotation), speed)
@@ -215,7 +216,7 @@ class OpenCabinetExpert:
         config = self.config
         speed = np.clip(config.position_gain_s * (now.left + _INTO_LIMIT_M), 0.0, config.pull_speed_m_s)
         speed *= self._firmness(now)
-        axis = now.snapshot.link_rotation_w[0, int(now.goal.link[0])] @ now.goal.joint_axis[0]
+        axis = small_product(now.snapshot.link_rotation_w[0, int(now.goal.link[0])], now.goal.joint_axis[0])
         return Motion(Frame(now.grasp.position, now.tool.rotation), config.reach_speed_m_s, speed * axis)
 
     def _firmness(self, now: _Situation) -> float:
@@ -240,7 +241,9 @@ class OpenCabinetExpert:
         """Rotation (3, 3) of the hand that pushes; either side of it may, as the last joint likes it."""
         rotation = door_opening.pushing_hand(door, self.config.door)
         last = float(now.snapshot.robot_qpos[0, self._last_joint])
-        rotation = nearest_roll(np.stack((rotation, rotation @ _HALF_TURN)), now.tool.rotation, last, last)
+        rotation = nearest_roll(
+            np.stack((rotation, small_product(rotation, _HALF_TURN))), now.tool.rotation, last, last
+        )
         upright = abs(door.axis[2]) > _UPRIGHT  # else it points up or down as the flap asks
         hand = Frame(door.hinge, rotation)
         return tilted(hand, self._tilt_rad(hand)).rotation if upright else rotation
@@ -252,7 +255,9 @@ class OpenCabinetExpert:
         turn = config.rotation_gain_s * rotation_error(tool.rotation, wanted.rotation)
         linear = limited(towards, motion.speed_m_s) + motion.feed_m_s
         angular = limited(turn, config.turn_speed_rad_s) + motion.feed_rad_s
-        return np.concatenate((tool.rotation.T @ linear, tool.rotation.T @ angular))[None]
+        return np.concatenate((small_product(tool.rotation.T, linear), small_product(tool.rotation.T, angular)))[
+            None
+        ]
 
     def _trunk_qvel(self, snapshot: Snapshot, wanted: Frame) -> np.ndarray:
         """Towards the base pose and lift from which the arm in its posture would reach the wanted pose, (4,)."""

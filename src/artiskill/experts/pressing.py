@@ -24,6 +24,7 @@ from artiskill.experts.whole_body import (
     in_base_axes,
     in_hand_axes,
 )
+from artiskill.geometry.arrays import norm, small_product
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
 
@@ -213,13 +214,15 @@ class PressingHands:
 
     def _place(self, snapshot: Snapshot, body: Body, press: Press) -> View:
         """Return where hands and places are."""
-        axis = body.rotation @ np.array((math.cos(press.direction_rad), math.sin(press.direction_rad), 0.0))
+        axis = small_product(
+            body.rotation, np.array((math.cos(press.direction_rad), math.sin(press.direction_rad), 0.0))
+        )
         axis[2] = 0.0
-        axis /= max(float(np.linalg.norm(axis)), 1e-6)
+        axis /= max(float(norm(axis)), 1e-6)
         heading = np.array((axis[1], -axis[0], 0.0))
         middle = body.position + press.height_m * body.rotation[:, 2]
         from_middle = snapshot.tool_position_w[0] - middle
-        out = _SIDES * (from_middle @ axis)
+        out = _SIDES * small_product(from_middle, axis)
         aside = np.sqrt(np.maximum((from_middle**2).sum(axis=-1) - out**2, 0.0))
         errors, roll = [], self.config.roll_rad
         for arm, side in enumerate(_SIDES):
@@ -232,11 +235,11 @@ class PressingHands:
     def _shares(self, snapshot: Snapshot, body: Body, view: View, settled: float) -> View:
         """Return the view with its shares."""
         right, left = _hand_velocities(snapshot)
-        closing = abs(float((left - right) @ view.axis))
+        closing = abs(float(small_product(left - right, view.axis)))
         touch = settled * ramp(view.gaps.max(), *_TOUCH_GAP_M) * ramp(view.aside.max(), *_TOUCH_ASIDE_M)
         firm = ramp(closing, *_STILL_M_S) * ramp(self._uneven(snapshot, body, view.press), *_FLAT_M)
         carry = touch * max(firm, body.held)
-        turned = max(float(np.linalg.norm(error)) for error in view.errors)
+        turned = max(float(norm(error)) for error in view.errors)
         off = (1 - settled) * max(ramp(view.aside.max(), *_OFF_ASIDE_M), ramp(turned, *_OFF_RAD))
         astray = (1 - settled) * self._astray(snapshot, view)
         return replace(view, settled=settled, off=off, touch=touch, carry=carry, astray=astray)
@@ -244,9 +247,9 @@ class PressingHands:
     def _astray(self, snapshot: Snapshot, view: View) -> float:
         """Return how far the robot is from where its hands can go in: its arms from their posture, or its base."""
         arms = self.controller.whole_body.qpos(snapshot)[TRUNK:] - self.controller.arm_qpos_rad
-        farthest = float(np.linalg.norm(arms.reshape(_ARMS, -1), axis=1).max())
+        farthest = float(norm(arms.reshape(_ARMS, -1)).max())
         base, yaw = self._base_error(snapshot, view, view.middle, 0.0)
-        away = float(np.linalg.norm(base))
+        away = float(norm(base))
         return max(ramp(farthest, *_ASTRAY_ARM_RAD), ramp(abs(yaw), *_ASTRAY_YAW_RAD), ramp(away, *_ASTRAY_M))
 
     def _base_error(
@@ -262,14 +265,14 @@ class PressingHands:
         body = self.controller.whole_body
         arms = self.config.posture_gain_s * (self.controller.arm_qpos_rad - body.qpos(snapshot)[TRUNK:])
         arms = np.clip(arms, -self.config.turn_speed_rad_s, self.config.turn_speed_rad_s)
-        found: np.ndarray = (body.jacobian(snapshot) @ np.concatenate((trunk, arms))).reshape(_ARMS, 6)
+        found: np.ndarray = small_product(body.jacobian(snapshot), np.concatenate((trunk, arms))).reshape(_ARMS, 6)
         return found
 
     def _uneven(self, snapshot: Snapshot, body: Body, press: Press) -> float:
         """Return by how much the distances of a hand's fingertips from the wall differ, m; 0 if they may."""
         if self.config.yaw_share == 0:
             return 0.0
-        tips = press.clearance_m((snapshot.fingertip_position_w[0] - body.position) @ body.rotation)
+        tips = press.clearance_m(small_product(snapshot.fingertip_position_w[0] - body.position, body.rotation))
         return float(np.abs(tips[::2] - tips[1::2]).max())
 
     def _reach(self, snapshot: Snapshot, view: View) -> np.ndarray:
@@ -279,7 +282,7 @@ class PressingHands:
         for arm in range(_ARMS):
             gap, outwards = view.gaps[arm], _SIDES[arm] * view.axis
             from_middle = snapshot.tool_position_w[0, arm] - view.middle
-            to_line = (from_middle @ outwards) * outwards - from_middle
+            to_line = small_product(from_middle, outwards) * outwards - from_middle
             far = ramp(view.aside[arm], *_FAR_ASIDE_M)
             beside = 1 - far * (1 - ramp(gap, config.around_m - 0.07, config.around_m - 0.02))
             lateral = beside * limited(config.position_gain_s * to_line, most)
@@ -297,20 +300,20 @@ class PressingHands:
         line = snapshot.tool_position_w[0].mean(axis=0)
         line[2] = view.middle[2]
         off = line - snapshot.tool_position_w[0]
-        off = off - (off @ view.axis)[:, None] * view.axis
+        off = off - small_product(off, view.axis)[:, None] * view.axis
         followed: np.ndarray = velocity + self.config.position_gain_s * off
         return followed
 
     def _turn(self, snapshot: Snapshot, view: View, body: Body) -> np.ndarray:
         """Return angular velocities (2, 3): hands that touch lie flat on the wall, and may level the object."""
         config, found = self.config, []
-        tilt = float(np.cross(body.rotation[:, 2], _UP) @ view.axis)
+        tilt = float(small_product(np.cross(body.rotation[:, 2], _UP), view.axis))
         for arm in range(_ARMS):
             error = view.errors[arm].copy()
             if view.settled > 0 and config.yaw_share > 0:
                 flat = config.yaw_share * _yaw_to_wall(snapshot, body, view.press, arm)
                 error[2] += view.settled * (flat - error[2])
-            pitch = -float(error @ view.axis)  # of the hand
+            pitch = -float(small_product(error, view.axis))  # of the hand
             wanted = min(max(config.level_share * (pitch + tilt), -_MOST_PITCH_RAD), _MOST_PITCH_RAD)
             error += view.carry * wanted * view.axis
             found.append(limited(config.rotation_gain_s * error, config.turn_speed_rad_s))
@@ -346,7 +349,7 @@ def _hand_velocities(snapshot: Snapshot) -> np.ndarray:
 
 def _present_press(snapshot: Snapshot, body: Body) -> Press:
     """Return the places that the hands are opposite to now."""
-    local = (snapshot.tool_position_w[0] - body.position) @ body.rotation
+    local = small_product(snapshot.tool_position_w[0] - body.position, body.rotation)
     way = local[1] - local[0]
     return body.wall.between(float(local[:, 2].mean()), math.atan2(way[1], way[0]))
 
@@ -354,6 +357,6 @@ def _present_press(snapshot: Snapshot, body: Body) -> Press:
 def _yaw_to_wall(snapshot: Snapshot, body: Body, press: Press, arm: int) -> float:
     """Angle about the vertical that makes both fingertips of a hand equally far from the wall."""
     tips = snapshot.fingertip_position_w[0, 2 * arm : 2 * arm + 2]
-    first, second = press.clearance_m((tips - body.position) @ body.rotation)
-    apart = float(np.cross(_UP, tips[0] - tips[1]) @ snapshot.tool_rotation_w[0, arm, :, 2])
+    first, second = press.clearance_m(small_product(tips - body.position, body.rotation))
+    apart = float(small_product(np.cross(_UP, tips[0] - tips[1]), snapshot.tool_rotation_w[0, arm, :, 2]))
     return float(first - second) / apart if abs(apart) > 1e-3 else 0.0

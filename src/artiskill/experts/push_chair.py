@@ -13,6 +13,7 @@ from artiskill.experts.frames import curved, limited, ramp, wrapped
 from artiskill.experts.pressing import Body, PressingConfig, PressingHands
 from artiskill.experts.walls import Press, wall_of
 from artiskill.experts.whole_body import Command
+from artiskill.geometry.arrays import norm, small_product
 from artiskill.robots.config import RobotConfig
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.push_chair import ChairGoal
@@ -83,7 +84,7 @@ class PushChairExpert:
         config, chair = self.config, snapshot.link_position_w[0, 0, :2]
         seat = seat_body(snapshot, goal, config.hands)
         view = self._hands.view(snapshot, seat, lambda: choose_press(snapshot, seat, config.seat))
-        away = float(np.linalg.norm(chair))
+        away = float(norm(chair))
         velocity = limited(-config.drive_gain_s * chair, config.drive_speed_m_s)
         velocity = curved(velocity, config.curve_rad_m * away) * ramp(away, 0.4 * config.stop_m, config.stop_m)
         phase = 0 if view.off > 0.3 else 1
@@ -98,10 +99,10 @@ def seat_body(snapshot: Snapshot, goal: ChairGoal, hands: PressingConfig) -> Bod
     turn = snapshot.link_rotation_w[0, link]
     heights = np.array((-_HALF_THICKNESS_M, _HALF_THICKNESS_M))
     outline, hand_outline = np.repeat(goal.seat_outline[0, :, None], 2, axis=1)
-    speed = float(np.linalg.norm(snapshot.root_velocity_w[0, :2]))
+    speed = float(norm(snapshot.root_velocity_w[0, :2]))
     return Body(
-        position=snapshot.link_position_w[0, link] + turn @ goal.seat_position[0],
-        rotation=turn @ goal.seat_rotation[0],
+        position=snapshot.link_position_w[0, link] + small_product(turn, goal.seat_position[0]),
+        rotation=small_product(turn, goal.seat_rotation[0]),
         wall=wall_of(heights, outline, hands.spread_m, hand_outline),
         held=ramp(speed, *_MOVES_M_S),
     )

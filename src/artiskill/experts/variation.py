@@ -23,6 +23,7 @@ from artiskill.config import (
     to_mapping,
 )
 from artiskill.errors import ConfigError, UnknownNameError
+from artiskill.geometry.arrays import norm
 from artiskill.tasks.registry import task_spec
 
 T = TypeVar("T")
@@ -197,7 +198,7 @@ class Disturbance:
         """Return (size,): of random direction, and of length 0 to 1."""
         found = self._rng.standard_normal(size)
         length: float = self._rng.uniform()
-        return length * found / max(float(np.linalg.norm(found)), 1e-9)
+        return length * found / max(float(norm(found)), 1e-9)
 
     def _whole(self, limits: tuple[int, int]) -> int:
         return int(self._rng.integers(limits[0], limits[1] + 1))

@@ -5,6 +5,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from artiskill.geometry.arrays import arctan2
+
 _CACHED_WALLS = 256
 _DIRECTIONS = 72  # of presses, every five degrees
 _HALF_HAND_M = 0.035  # half the width of a hand whose fingers are one above the other
@@ -30,7 +32,7 @@ class Press:
     def clearance_m(self, points: np.ndarray) -> np.ndarray:
         """Return how far points (N, 3) in the object's frame are outside it, seen from its axis, (N,)."""
         step = 2 * np.pi / len(self.outline_m)
-        angles = np.arctan2(points[:, 1], points[:, 0]) % (2 * np.pi)
+        angles = arctan2(points[:, 1], points[:, 0]) % (2 * np.pi)
         rim = np.interp(
             angles, step * np.arange(len(self.outline_m) + 1), np.append(self.outline_m, self.outline_m[0])
         )

@@ -7,21 +7,23 @@ else. So a policy can learn commands from an expert and act without any privileg
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from artiskill.config import check_not_negative, check_positive
 from artiskill.envs.control import ActionScale, action_scale
-from artiskill.geometry.arrays import Array
-from artiskill.geometry.rotations import cross
+from artiskill.geometry.arrays import Array, norm, small_product
+from artiskill.geometry.kernel import allocating_kernel, kernel
 from artiskill.robots.arm_config import load_arm
 from artiskill.robots.config import RobotConfig
+from artiskill.robots.operational_space import solve
 
 TRUNK = 4  # base x, y and yaw; then the lift; then the arms' joints
 _BASE = 3
 _FINGERS = 2
-_SLIDES = [0, 1, 3]
+_LIFT = 3
+_TOLERANCE = 1e-9  # of bounds, and of what to leave one is worth
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,7 @@ class Command:
 def in_hand_axes(state: RobotState, twists_w: np.ndarray) -> np.ndarray:
     """Return twists (A, 6) of the hands in their own axes, given in the world's."""
     turn = state.tool_rotation_w[0, : len(twists_w)]  # (A, 3, 3)
-    turned: np.ndarray = np.einsum("aji,akj->aki", turn, twists_w.reshape(-1, 2, 3)).reshape(-1, 6)
+    turned: np.ndarray = small_product(twists_w.reshape(-1, 2, 3), turn).reshape(-1, 6)
     return turned
 
 
@@ -159,6 +161,7 @@ class WholeBodyController:
         self.max_speed = self.scale.half_range[self.columns]
         trunk = [config.base_damping] * 2 + [config.yaw_damping, config.lift_damping]
         self._damping = np.array(trunk + [config.arm_damping] * (arms * self.arm_joints))
+        self._weights = np.tile(np.repeat((1.0, config.rotation_weight_m), 3), arms)  # of twists
         self._drive_damping = robot.drives.arm_damping
 
     def qpos(self, state: RobotState) -> np.ndarray:
@@ -177,9 +180,8 @@ class WholeBodyController:
         Returns:
             (n,) velocities within speed and position limits.
         """
-        weights = np.tile(np.repeat((1.0, self.config.rotation_weight_m), 3), len(self._arms))
-        matrix = np.concatenate((self.jacobian(state) * weights[:, None], np.diag(self._damping)))
-        target = np.concatenate((twists_w.reshape(-1) * weights, self._damping * posture_qvel))
+        matrix = np.concatenate((self.jacobian(state) * self._weights[:, None], np.diag(self._damping)))
+        target = np.concatenate((twists_w.reshape(-1) * self._weights, self._damping * posture_qvel))
         qpos = self.qpos(state)
         lower = np.maximum(-self.max_speed, (self._limits[:, 0] - qpos) / state.step_s)
         upper = np.minimum(self.max_speed, (self._limits[:, 1] - qpos) / state.step_s)
@@ -199,7 +201,7 @@ class WholeBodyController:
             (n,) velocities, 0 for the trunk.
         """
         linear = self.jacobian(state).reshape(len(self._arms), 6, -1)[:, :3]  # (A, 3, n)
-        push = np.einsum("ain,ai->n", linear, forces_w) / self._drive_damping
+        push = small_product(forces_w.reshape(-1), linear.reshape(forces_w.size, -1)) / self._drive_damping
         push[:TRUNK] = 0.0
         return push
 
@@ -233,16 +235,34 @@ class WholeBodyController:
 
     def jacobians(self, state: RobotState) -> np.ndarray:
         """Return those of B states, (B, 6 A, n)."""
-        axis = state.robot_joint_axis_w[:, self.columns]
-        anchor = state.robot_joint_anchor_w[:, self.columns]
-        found = np.zeros((len(axis), self.num_joints, len(self._arms), 2, 3))
-        for arm in range(len(self._arms)):
-            linear, angular = cross(axis, state.tool_position_w[:, arm, None] - anchor, np), axis.copy()
-            linear[:, _SLIDES], angular[:, _SLIDES] = axis[:, _SLIDES], 0.0
-            for other in self._arms[:arm] + self._arms[arm + 1 :]:
-                linear[:, other], angular[:, other] = 0.0, 0.0
-            found[:, :, arm, 0], found[:, :, arm, 1] = linear, angular
-        return found.reshape(len(axis), self.num_joints, -1).swapaxes(1, 2)
+        axis = np.take(state.robot_joint_axis_w, self.columns, axis=1)
+        anchor = np.take(state.robot_joint_anchor_w, self.columns, axis=1)
+        tool = state.tool_position_w[:, : len(self._arms)]
+        found = np.zeros((len(axis), len(self._arms), 6, self.num_joints))
+        _fill_jacobians(axis, anchor, np.ascontiguousarray(tool), found)
+        return found.reshape(len(axis), -1, self.num_joints)
+
+
+@kernel
+def _fill_jacobians(axis: Any, anchor: Any, tool: Any, out: Any) -> None:
+    """Of joints (B, n, 3) and tools (B, A, 3), into zeros (B, A, 6, n); the trunk comes first, then each arm."""
+    own = (axis.shape[1] - TRUNK) // tool.shape[1]
+    for b in range(axis.shape[0]):
+        for n in range(axis.shape[1]):
+            x, y, z = axis[b, n, 0], axis[b, n, 1], axis[b, n, 2]
+            for arm in range(tool.shape[1]):
+                if n >= TRUNK and (n - TRUNK) // own != arm:
+                    continue
+                linear, angular = out[b, arm, :3], out[b, arm, 3:]
+                if n in (0, 1, _LIFT):
+                    linear[0, n], linear[1, n], linear[2, n] = x, y, z
+                    continue
+                lever_x, lever_y = tool[b, arm, 0] - anchor[b, n, 0], tool[b, arm, 1] - anchor[b, n, 1]
+                lever_z = tool[b, arm, 2] - anchor[b, n, 2]
+                linear[0, n] = y * lever_z - z * lever_y
+                linear[1, n] = z * lever_x - x * lever_z
+                linear[2, n] = x * lever_y - y * lever_x
+                angular[0, n], angular[1, n], angular[2, n] = x, y, z
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,10 +288,9 @@ class CommandController:
         if command.press_n:
             qvel = qvel + body.pushing_velocities(state, self._forces_w(state, command.press_n))
         closing = body.closing_m(state, self.close_speed_m_s)
-        fingers = np.select(
-            [command.grip[:, None] == Grip.OPEN, command.grip[:, None] == Grip.CLOSING],
-            [np.repeat(command.width_m[:, None], 2, axis=1), closing],
-            0.0,
+        grip = command.grip[:, None]
+        fingers = np.where(
+            grip == Grip.OPEN, command.width_m[:, None], np.where(grip == Grip.CLOSING, closing, 0.0)
         )
         return body.to_action(state, qvel, fingers)
 
@@ -279,13 +298,13 @@ class CommandController:
         """Return the twists (A, 6), in the hands' axes, of a robot that only followed its posture."""
         body = self.whole_body
         qvel = np.clip(self._posture_qvel(state, command), -body.max_speed, body.max_speed)
-        return in_hand_axes(state, (body.jacobian(state) @ qvel).reshape(-1, 6))
+        return in_hand_axes(state, small_product(body.jacobian(state), qvel).reshape(-1, 6))
 
     @staticmethod
     def _twists_w(state: RobotState, command: Command) -> np.ndarray:
         turn = state.tool_rotation_w[0, : len(command.twists)]  # (A, 3, 3)
         halves = command.twists.reshape(-1, 2, 3)
-        turned: np.ndarray = np.einsum("aij,akj->aki", turn, halves).reshape(-1, 6)
+        turned: np.ndarray = small_product(halves, turn.swapaxes(1, 2)).reshape(-1, 6)
         return turned
 
     def _posture_qvel(self, state: RobotState, command: Command) -> np.ndarray:
@@ -302,30 +321,82 @@ class CommandController:
         """Return (2, 3) forces of both hands towards each other, level."""
         way = state.tool_position_w[0, 1] - state.tool_position_w[0, 0]
         way = np.array((way[0], way[1], 0.0))
-        force = press_n * way / max(float(np.linalg.norm(way)), 1e-6)
+        force = press_n * way / max(float(norm(way)), 1e-6)
         return np.stack((force, -force))
 
 
 def bounded_least_squares(
     matrix: np.ndarray, target: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> np.ndarray:
-    """Least squares within a box, by an active set: violated bounds join it, needless ones leave."""
-    gram, rhs = matrix.T @ matrix, matrix.T @ target
+    """Least squares within a box, by an active set: violated bounds join it, needless ones leave.
+
+    Args:
+        matrix: (m, n) of full rank.
+        target: (m,).
+        lower: (n,).
+        upper: (n,) at least `lower`.
+    """
     x = np.zeros(matrix.shape[1])
-    free = np.ones(len(x), dtype=bool)
-    for _ in range(3 * len(x)):
-        if free.any():
-            bound = rhs[free] - gram[np.ix_(free, ~free)] @ x[~free]
-            x[free] = np.linalg.solve(gram[np.ix_(free, free)], bound)
-        outside = free & ((x < lower - 1e-9) | (x > upper + 1e-9))
-        x = np.clip(x, lower, upper)
-        if outside.any():
-            free &= ~outside
+    _solve_within(np.ascontiguousarray(matrix), target, lower, upper, x)
+    return x
+
+
+@allocating_kernel
+def _solve_within(matrix: Any, target: Any, lower: Any, upper: Any, x: Any) -> None:
+    """Do what `bounded_least_squares` does; not by LAPACK, whose last bits depend on the processor."""
+    n = len(x)
+    gram, rhs = np.zeros((n, n)), np.zeros(n)
+    for r in range(len(target)):
+        for i in range(n):
+            if matrix[r, i] != 0.0:
+                rhs[i] += matrix[r, i] * target[r]
+                for j in range(n):
+                    gram[i, j] += matrix[r, i] * matrix[r, j]
+    free = np.ones(n, dtype=np.bool_)
+    for _ in range(3 * n):
+        _solve_free(gram, rhs, free, x)
+        has_left = False
+        for i in range(n):
+            if free[i] and (x[i] < lower[i] - _TOLERANCE or x[i] > upper[i] + _TOLERANCE):
+                free[i], has_left = False, True
+            x[i] = min(max(x[i], lower[i]), upper[i])
+        if has_left:
             continue
-        slope = gram @ x - rhs
-        inwards = np.where(free | (lower == upper), 0.0, np.where(x <= lower, -slope, slope))
-        worst = int(np.argmax(inwards))
-        if inwards[worst] <= 1e-9:
+        worst = _bound_to_leave(gram, rhs, free, x, lower, upper)
+        if worst < 0:
             break
         free[worst] = True
-    return x
+
+
+@kernel
+def _bound_to_leave(gram: Any, rhs: Any, free: Any, x: Any, lower: Any, upper: Any) -> Any:
+    """Return which bound it is worth most to leave; -1: none."""
+    worst, most = -1, _TOLERANCE
+    for i in range(len(x)):
+        if free[i] or lower[i] == upper[i]:
+            continue
+        slope = -rhs[i]
+        for j in range(len(x)):
+            slope += gram[i, j] * x[j]
+        inwards = -slope if x[i] <= lower[i] else slope
+        if inwards > most:
+            worst, most = i, inwards
+    return worst
+
+
+@allocating_kernel
+def _solve_free(gram: Any, rhs: Any, free: Any, x: Any) -> None:
+    """Set the free ones of x (n,) so that gram x = rhs, with all others as they are."""
+    chosen = np.flatnonzero(free)
+    matrix, right = np.empty((len(chosen), len(chosen))), np.empty(len(chosen))
+    for a in range(len(chosen)):
+        i = chosen[a]
+        right[a] = rhs[i]
+        for j in range(len(x)):
+            if not free[j]:
+                right[a] -= gram[i, j] * x[j]
+        for b in range(len(chosen)):
+            matrix[a, b] = gram[i, chosen[b]]
+    solve(matrix, right)
+    for a in range(len(chosen)):
+        x[chosen[a]] = right[a]

@@ -87,6 +87,13 @@ def matmul(a: Array, b: Array) -> Array:
     return found
 
 
+def small_product(a: np.ndarray, b: np.ndarray) -> Any:
+    """Return what `a @ b` is of small arrays, each of one dimension or more; without BLAS."""
+    rows, columns = "...ij" if a.ndim > 1 else "j", "...jk" if b.ndim > 1 else "j"
+    outer = "..." * (a.ndim > 1 or b.ndim > 1)
+    return np.einsum(f"{rows},{columns}->{outer}{'i' * (a.ndim > 1)}{'k' * (b.ndim > 1)}", a, b)
+
+
 def rotate(matrices: Array, vectors: Array) -> Array:
     """Return matrices times vectors, (..., N, K) x (..., K) -> (..., N)."""
     return dot(matrices, vectors[..., None, :])

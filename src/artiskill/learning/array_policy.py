@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from threadpoolctl import ThreadpoolController
 
 from artiskill.config import check, check_inside, from_mapping, to_mapping
 from artiskill.errors import ArtiSkillError, PolicyError, check_name, shown
@@ -168,7 +167,6 @@ class ArrayPolicy:
         self.control_mode, self.sampling = self.header.control_mode, self.header.sampling
         self.observation_config = self.header.observation_config
         self._layout = ObservationLayout(self.header.points, self.header.masks, self.header.agent)
-        self._blas = ThreadpoolController().select(user_api="blas")
         self._input = self.header.network.resolved().input
         self._actor = make_actor(self.header.commands) if self.header.commands else None
         config = self.header.network
@@ -197,8 +195,7 @@ class ArrayPolicy:
             ConfigError: an observation of other sizes.
         """
         arrays = self._layout.observe(observation)
-        with self._blas.limit(limits=1):  # eight times as fast where cores are shared
-            found = self._choose(arrays)
+        found = self._choose(arrays)
         return found if self._actor is None else self._actor.action(arrays.agent[0], found)
 
     def _choose(self, arrays: ObservationArrays) -> np.ndarray:

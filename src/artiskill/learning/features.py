@@ -138,9 +138,9 @@ def _robot_coordinates(xp: Any, points: Any, agent: Any, frame: str, state: list
     floor = xp.zeros_like(agent[:, :1])
     base = xp.concatenate((agent[:, 12 * hands : 12 * hands + 2], floor), 1)[:, None]  # (B, 1, 3)
     turn = _turn_to_base(xp, agent[:, 12 * hands + 2], floor[:, 0])
-    seen = points if frame == "robot" else (points - base) @ turn
-    places = (tips.sum(2) / 2 - base) @ turn  # (B, hands, 3)
-    origin = (-base @ turn)[:, 0, :2]
+    seen = points if frame == "robot" else _product(points - base, turn)
+    places = _product(tips.sum(2) / 2 - base, turn)  # (B, hands, 3)
+    origin = _product(-base, turn)[:, 0, :2]
     state += [places.reshape(-1, 3 * hands), origin, xp.tanh(origin)]
     around = xp.concatenate([seen - places[:, i : i + 1] for i in range(hands)], 2)  # (B, N, 3 * hands)
     return {"robot": seen, "hand": around}
@@ -161,16 +161,16 @@ def _seen_by_body(
     if hands > 1:
         state.append(_HAND_VELOCITY * (places[:, 1] - places[:, 0]))
     if config.velocities:
-        own = (xp.concatenate((qvel[:, :2], floor), 1)[:, None] @ turn)[:, 0, :2]
+        own = _product(xp.concatenate((qvel[:, :2], floor), 1)[:, None], turn)[:, 0, :2]
         tips = agent[:, 6 * hands : 12 * hands].reshape(-1, hands, 2, 3).sum(2) / 2
-        moving = ((tips @ turn)[:, :, None] @ axes).reshape(count, -1)
+        moving = _product(_product(tips, turn)[:, :, None], axes).reshape(count, -1)
         rates = _joint_numbers(qvel[:, 4:].reshape(count, hands, -1), _ARM, _FINGER_RATE)
         state += [own, _YAW_RATE * qvel[:, 2:3], qvel[:, 3:4], *rates, _HAND_VELOCITY * moving]
     if config.origin:
-        origin = (-base @ turn)[:, 0, :2]
+        origin = _product(-base, turn)[:, 0, :2]
         state += [origin, xp.tanh(origin / _NEAR_ORIGIN_M)]
-    seen = points if frame == "robot" else (points - base) @ turn
-    around = [(seen - places[:, i : i + 1]) @ axes[:, i] for i in range(hands)]
+    seen = points if frame == "robot" else _product(points - base, turn)
+    around = [_product(seen - places[:, i : i + 1], axes[:, i]) for i in range(hands)]
     return {"robot": seen, "tool": xp.concatenate(around, 2)}, state
 
 
@@ -194,5 +194,10 @@ def _extents(xp: Any, points: Any, groups: Any) -> Any:
     member = inside[..., None] > 0
     least = xp.amin(xp.where(member, spread, _FAR), 2)  # (B, G, C)
     greatest = xp.amax(xp.where(member, spread, -_FAR), 2)
-    found = xp.concatenate((inside @ points / count.clip(1), least, greatest), 2)
+    found = xp.concatenate((_product(inside, points) / count.clip(1), least, greatest), 2)
     return xp.where(count > 0, found, 0.0).reshape(len(points), -1)
+
+
+def _product(a: Any, b: Any) -> Any:
+    """Return matrix products; of arrays not by BLAS, whose last bits depend on the processor."""
+    return np.einsum("...ij,...jk->...ik", a, b) if isinstance(a, np.ndarray) else a @ b

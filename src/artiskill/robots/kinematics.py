@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from artiskill.geometry.arrays import Array, namespace
+from artiskill.geometry.arrays import Array, matmul, namespace
+from artiskill.geometry.kernel import inlined_kernel, kernel
 from artiskill.geometry.rotations import quat_from_rpy, quat_to_matrix
 from artiskill.robots.arm_config import load_arm
 from artiskill.robots.config import RobotConfig
 
 _BASE = 3  # base x, y and yaw; then the lift
-_TRUNK = 4
+_LIFT, _TRUNK = 3, 4
 _FINGERS = 2
 
 
@@ -102,50 +103,128 @@ class RobotKinematics:
 
     def pose_at(self, qpos: np.ndarray, step_s: float) -> RobotPose:
         """Return what `pose` does, of joints at (B, R)."""
-        chain = self._chain(qpos)
-        count, hand = len(qpos), chain[-1]
-        anchors, axes = (np.zeros((count, qpos.shape[1], 3)) for _ in range(2))
-        anchors[:, 1, 0] = qpos[:, 0]  # base y is a slide on base x
-        anchors[:, 2:_TRUNK, :2] = qpos[:, None, :2]
-        axes[:, 0, 0] = axes[:, 1, 1] = axes[:, 2, 2] = axes[:, 3, 2] = 1.0
-        own = (count, self.arms, self.arm_joints + _FINGERS, 3)  # what is the arms' own
-        anchor, axis = anchors[:, _TRUNK:].reshape(own), axes[:, _TRUNK:].reshape(own)
-        for i, frame in enumerate(chain[:-1]):
-            anchor[:, :, i], axis[:, :, i] = frame[..., :3, 3], frame[..., :3, 2]
-        anchor[:, :, self.arm_joints :] = self._point(hand, self._finger_m)[:, :, None]
-        axis[:, :, self.arm_joints], axis[:, :, -1] = hand[..., :3, 1], -hand[..., :3, 1]
-        back = np.zeros((count, 3, 3))  # from rows in the base's axes to the world's
-        back[:, 0, 0] = back[:, 1, 1] = np.cos(qpos[:, 2])
-        back[:, 0, 1] = np.sin(qpos[:, 2])
-        back[:, 1, 0], back[:, 2, 2] = -back[:, 0, 1], 1.0
-        origin = anchors[:, 2:3]
-        anchors[:, _TRUNK:] = anchor.reshape(count, -1, 3) @ back + origin
-        axes[:, _TRUNK:] = axis.reshape(count, -1, 3) @ back
-        tool = self._point(hand, self._tool_m) @ back + origin
-        return RobotPose(step_s, qpos, anchors, axes, tool, back.swapaxes(1, 2)[:, None] @ hand[..., :3, :3])
+        qpos = np.asarray(qpos, dtype=np.float64)
+        count, arms = len(qpos), self.arms
+        anchors, axes = np.zeros((2, count, qpos.shape[1], 3))
+        tool, rotation = np.empty((count, arms, 3)), np.empty((count, arms, 3, 3))
+        turn = np.stack((np.cos(qpos[:, 2]), np.sin(qpos[:, 2])), axis=1)
+        offsets = np.stack((self._finger_m, self._tool_m))
+        _fill_pose(self._frames(qpos), qpos, turn, offsets, (anchors, axes, tool, rotation))
+        return RobotPose(step_s, qpos, anchors, axes, tool, rotation)
+
+    def _frames(self, qpos: np.ndarray) -> np.ndarray:
+        """Return the frames of each joint's link, then of the hand, (B, A, n + 1, 4, 4), in the base's frame."""
+        count, n = len(qpos), self.arm_joints
+        angles = qpos[:, _TRUNK:].reshape(count, self.arms, -1)[..., :n].astype(np.float64)
+        frames = np.empty((count, self.arms, n + 1, 4, 4))
+        links = self._fixed, self._cosine, self._sine, self._hand
+        _fill_frames(np.cos(angles), np.sin(angles), qpos[:, _LIFT].astype(np.float64), links, frames)
+        return frames
 
     def _chain(self, qpos: Array) -> list[Array]:
         """Return the frames of each joint's link, then of the hand, (B, A, 4, 4) each, in the base's frame."""
         xp = namespace(qpos)
+        if xp is np:
+            frames = self._frames(qpos)
+            return [frames[:, :, i] for i in range(frames.shape[2])]
         cosine, sine, fixed, hand = (
-            self._as_array(xp, one, qpos) for one in (self._cosine, self._sine, self._fixed, self._hand)
+            xp.asarray(one, dtype=qpos.dtype, device=qpos.device)
+            for one in (self._cosine, self._sine, self._fixed, self._hand)
         )
         angles = xp.reshape(qpos[:, _TRUNK:], (qpos.shape[0], self.arms, -1))[..., : self.arm_joints, None, None]
         links = fixed + xp.cos(angles) * cosine + xp.sin(angles) * sine  # (B, A, n, 4, 4)
-        links[..., 0, 2, 3] += qpos[:, 3:_TRUNK]  # the lift
+        links[..., 0, 2, 3] += qpos[:, _LIFT:_TRUNK]
         found = [links[..., 0, :, :]]
         for i in range(1, self.arm_joints):
-            found.append(found[-1] @ links[..., i, :, :])
-        return [*found, found[-1] @ hand]
+            found.append(matmul(found[-1], links[..., i, :, :]))
+        return [*found, matmul(found[-1], hand)]
 
     def _point(self, frame: Array, position_m: np.ndarray) -> Array:
         """Return a point (..., 3) of frames (..., 4, 4)."""
         x, y, z = position_m.tolist()
         return frame[..., :3, 0] * x + frame[..., :3, 1] * y + frame[..., :3, 2] * z + frame[..., :3, 3]
 
-    @staticmethod
-    def _as_array(xp: Any, values: np.ndarray, like: Array) -> Array:
-        return values if xp is np else xp.asarray(values, dtype=like.dtype, device=like.device)
+
+@kernel
+def _fill_frames(cosine: Any, sine: Any, lift: Any, links: Any, out: Any) -> None:
+    """Of joints (B, A, n) and lifts (B,), into (B, A, n + 1, 4, 4): each link's frame times all before it."""
+    fixed, by_cosine, by_sine, hand = links
+    for b in range(out.shape[0]):
+        for a in range(out.shape[1]):
+            for i in range(out.shape[2]):
+                frame = out[b, a, i]
+                for r in range(4):
+                    for k in range(4):
+                        if i == cosine.shape[2]:
+                            frame[r, k] = hand[r, k]
+                        else:
+                            turned = fixed[a, i, r, k] + cosine[b, a, i] * by_cosine[a, i, r, k]
+                            frame[r, k] = turned + sine[b, a, i] * by_sine[a, i, r, k]
+                if i == 0:
+                    frame[2, 3] += lift[b]
+                else:
+                    _multiply(out[b, a, i - 1], frame)
+
+
+@inlined_kernel
+def _multiply(before: Any, frame: Any) -> None:
+    """Replace a frame (4, 4) by the product with the one before."""
+    for k in range(4):
+        x, y, z, w = frame[0, k], frame[1, k], frame[2, k], frame[3, k]
+        for r in range(4):
+            frame[r, k] = before[r, 0] * x + before[r, 1] * y + before[r, 2] * z + before[r, 3] * w
+
+
+@kernel
+def _fill_pose(frames: Any, qpos: Any, turn: Any, offsets: Any, out: Any) -> None:
+    """Fill `RobotPose`: anchors and axes, which are zeros, places and axes of hands.
+
+    Args:
+        frames: (B, A, n + 1, 4, 4) in the base's frame.
+        qpos: (B, R).
+        turn: (B, 2) cosine and sine of the base's yaw.
+        offsets: (2, 3) of finger and tool in the hand's frame, m.
+        out: arrays of the pose.
+    """
+    anchors, axes, tool, rotation = out
+    n = frames.shape[2] - 1
+    for b in range(frames.shape[0]):
+        x, y = qpos[b, 0], qpos[b, 1]
+        cos, sin = turn[b, 0], turn[b, 1]
+        anchors[b, 1, 0] = x  # base y is a slide on base x
+        for j in range(2, _TRUNK):
+            anchors[b, j, 0], anchors[b, j, 1] = x, y
+        axes[b, 0, 0] = axes[b, 1, 1] = axes[b, 2, 2] = axes[b, 3, 2] = 1.0
+        for a in range(frames.shape[1]):
+            first = _TRUNK + a * (n + _FINGERS)
+            hand = frames[b, a, n]
+            for i in range(n):
+                frame = frames[b, a, i]
+                _turn(frame[0, 3], frame[1, 3], frame[2, 3], cos, sin, x, y, anchors[b, first + i])
+                _turn(frame[0, 2], frame[1, 2], frame[2, 2], cos, sin, 0.0, 0.0, axes[b, first + i])
+            for f in range(_FINGERS):  # along y, one to each side
+                side = 1.0 - 2.0 * f
+                _place(hand, offsets[0], cos, sin, x, y, anchors[b, first + n + f])
+                own = axes[b, first + n + f]
+                _turn(side * hand[0, 1], side * hand[1, 1], side * hand[2, 1], cos, sin, 0.0, 0.0, own)
+            _place(hand, offsets[1], cos, sin, x, y, tool[b, a])
+            for k in range(3):
+                _turn(hand[0, k], hand[1, k], hand[2, k], cos, sin, 0.0, 0.0, rotation[b, a, :, k])
+
+
+@inlined_kernel
+def _place(frame: Any, point: Any, cos: Any, sin: Any, x: Any, y: Any, out: Any) -> None:
+    """Fill (3,) with a point of a frame (4, 4), in the world."""
+    u = frame[0, 0] * point[0] + frame[0, 1] * point[1] + frame[0, 2] * point[2] + frame[0, 3]
+    v = frame[1, 0] * point[0] + frame[1, 1] * point[1] + frame[1, 2] * point[2] + frame[1, 3]
+    w = frame[2, 0] * point[0] + frame[2, 1] * point[1] + frame[2, 2] * point[2] + frame[2, 3]
+    _turn(u, v, w, cos, sin, x, y, out)
+
+
+@inlined_kernel
+def _turn(u: Any, v: Any, w: Any, cos: Any, sin: Any, x: Any, y: Any, out: Any) -> None:
+    """Fill (3,) with what has turned about z, and moved by x and y."""
+    out[0], out[1], out[2] = cos * u - sin * v + x, sin * u + cos * v + y, w
 
 
 def _frame(position_m: Any, rpy_rad: Any) -> np.ndarray:
