@@ -118,10 +118,10 @@ def pieces(value: Any) -> Iterator[bytes]:
 
 
 def acting() -> dict[str, str]:
-    """A digest of the first actions of experts and of the package's policies."""
+    """A digest of the first actions of experts, as they demonstrate, too, and of the package's policies."""
     found = {}
     for task, ids in of_tasks():
-        for name in ("expert", "pretrained"):
+        for name in ("expert", "demonstrator", "pretrained"):
             actor = load_policy(policy_of_task(name, task))
             env: Any = gym.make(f"ArtiSkill/{task}-v0", obs_mode=actor.obs_mode or "state").unwrapped
             if actor.sampling is not None:
