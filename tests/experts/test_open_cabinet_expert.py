@@ -72,6 +72,13 @@ def test_least_squares_stays_in_its_box() -> None:
         np.testing.assert_allclose(wide, unbounded, atol=1e-9)
 
 
+def test_least_squares_of_what_is_not_finite_is_seen() -> None:
+    target = np.ones(17)
+    target[3] = np.nan
+    x = bounded_least_squares(np.random.default_rng(0).normal(size=(17, 11)), target, -np.ones(11), np.ones(11))
+    assert np.isnan(x).all()
+
+
 Episode = list[tuple[Snapshot, Any, CabinetPhase]]  # snapshot, goal, phase of every step
 
 

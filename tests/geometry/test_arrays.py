@@ -9,7 +9,18 @@ import numpy as np
 import pytest
 
 import artiskill
-from artiskill.geometry.arrays import arccos, arcsin, arctan2, dot, exp, matmul, power, rotate, total
+from artiskill.geometry.arrays import (
+    arccos,
+    arcsin,
+    arctan2,
+    dot,
+    exp,
+    matmul,
+    power,
+    rotate,
+    small_product,
+    total,
+)
 
 SOURCE = Path(artiskill.__file__).parent
 ROOMS = ("geometry", "assets", "robots", "scene", "sim", "sensors", "tasks", "envs", "experts")
@@ -42,6 +53,16 @@ def test_products_are_products(inner: int) -> None:
     np.testing.assert_allclose(matmul(a[0], b), a[0] @ b, atol=1e-14)
     np.testing.assert_allclose(rotate(a, v), (a @ v[..., None])[..., 0], atol=1e-14)
     np.testing.assert_allclose(dot(v, v[0]), (v * v[0]).sum(axis=1), atol=1e-14)
+
+
+@pytest.mark.parametrize("a", [(3,), (4, 3), (5, 4, 3)])
+@pytest.mark.parametrize("b", [(3,), (3, 2), (5, 3, 2)])
+def test_small_products_are_products(a: tuple[int, ...], b: tuple[int, ...]) -> None:
+    rng = np.random.default_rng(0)
+    left, right = rng.normal(size=a), rng.normal(size=b)
+    found = small_product(left, right)
+    assert np.shape(found) == np.shape(left @ right)
+    np.testing.assert_allclose(found, left @ right, atol=1e-14)
 
 
 def test_a_product_adds_from_first_to_last() -> None:

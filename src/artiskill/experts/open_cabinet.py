@@ -255,9 +255,8 @@ class OpenCabinetExpert:
         turn = config.rotation_gain_s * rotation_error(tool.rotation, wanted.rotation)
         linear = limited(towards, motion.speed_m_s) + motion.feed_m_s
         angular = limited(turn, config.turn_speed_rad_s) + motion.feed_rad_s
-        return np.concatenate((small_product(tool.rotation.T, linear), small_product(tool.rotation.T, angular)))[
-            None
-        ]
+        twist = small_product(tool.rotation.T, linear), small_product(tool.rotation.T, angular)
+        return np.concatenate(twist)[None]
 
     def _trunk_qvel(self, snapshot: Snapshot, wanted: Frame) -> np.ndarray:
         """Towards the base pose and lift from which the arm in its posture would reach the wanted pose, (4,)."""

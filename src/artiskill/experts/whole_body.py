@@ -335,6 +335,9 @@ def bounded_least_squares(
         target: (m,).
         lower: (n,).
         upper: (n,) at least `lower`.
+
+    Returns:
+        (n,); nan where something given is.
     """
     x = np.zeros(matrix.shape[1])
     _solve_within(np.ascontiguousarray(matrix), target, lower, upper, x)
@@ -355,17 +358,26 @@ def _solve_within(matrix: Any, target: Any, lower: Any, upper: Any, x: Any) -> N
     free = np.ones(n, dtype=np.bool_)
     for _ in range(3 * n):
         _solve_free(gram, rhs, free, x)
-        has_left = False
-        for i in range(n):
-            if free[i] and (x[i] < lower[i] - _TOLERANCE or x[i] > upper[i] + _TOLERANCE):
-                free[i], has_left = False, True
-            x[i] = min(max(x[i], lower[i]), upper[i])
-        if has_left:
+        if _join_bounds(free, x, lower, upper):
             continue
         worst = _bound_to_leave(gram, rhs, free, x, lower, upper)
         if worst < 0:
             break
         free[worst] = True
+
+
+@kernel
+def _join_bounds(free: Any, x: Any, lower: Any, upper: Any) -> Any:
+    """Limit x, of which what was beyond its bounds is free no longer; return whether there was any."""
+    have_joined = False
+    for i in range(len(x)):
+        if free[i] and (x[i] < lower[i] - _TOLERANCE or x[i] > upper[i] + _TOLERANCE):
+            free[i], have_joined = False, True
+        if x[i] < lower[i]:  # a nan stays one
+            x[i] = lower[i]
+        elif x[i] > upper[i]:
+            x[i] = upper[i]
+    return have_joined
 
 
 @kernel

@@ -9,7 +9,7 @@ from itertools import count
 
 import numpy as np
 
-from artiskill.geometry.arrays import matmul
+from artiskill.geometry.arrays import small_product
 from artiskill.geometry.kernel import kernel
 from artiskill.learning.features import Features, Scale
 from artiskill.learning.network_config import NetworkConfig
@@ -59,14 +59,13 @@ class Linear:
     def __init__(self, weights: Weights) -> None:
         self._weight = np.ascontiguousarray(weights["weight"].T)  # (inputs, outputs)
         self._bias = weights["bias"] if "bias" in weights else np.float32(0.0)
-        self._places = np.empty(len(self._weight), dtype=np.int64)
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """Return the layer's output."""
         rows = np.ascontiguousarray(x.reshape(-1, len(self._weight)))
         found = np.empty((len(rows), self._weight.shape[1]), dtype=np.float32)
         found[:] = self._bias
-        _add_product(rows, self._weight, found, self._places)
+        _add_product(rows, self._weight, found, np.empty(len(self._weight), dtype=np.int64))
         return found.reshape(*x.shape[:-1], -1)
 
 
@@ -177,9 +176,9 @@ class Attention:
             layer(x).reshape(len(x), self._heads, -1).swapaxes(0, 1)
             for layer, x in ((self._query, asking), (self._key, tokens), (self._value, tokens))
         )
-        scores = matmul(query, key.swapaxes(1, 2)) / np.float32(np.sqrt(query.shape[2]))  # (H, Q, T)
+        scores = small_product(query, key.swapaxes(1, 2)) / np.float32(np.sqrt(query.shape[2]))  # (H, Q, T)
         likely = np.exp(scores - scores.max(2, keepdims=True))
-        found = matmul(likely / likely.sum(2, keepdims=True), value)
+        found = small_product(likely / likely.sum(2, keepdims=True), value)
         return self._output(found.swapaxes(0, 1).reshape(len(asking), -1))
 
 

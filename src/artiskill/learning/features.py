@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from artiskill.geometry.arrays import small_product
 from artiskill.learning.network_config import InputConfig
 from artiskill.robots.kinematics import RobotKinematics
 
@@ -200,4 +201,4 @@ def _extents(xp: Any, points: Any, groups: Any) -> Any:
 
 def _product(a: Any, b: Any) -> Any:
     """Return matrix products; of arrays not by BLAS, whose last bits depend on the processor."""
-    return np.einsum("...ij,...jk->...ik", a, b) if isinstance(a, np.ndarray) else a @ b
+    return small_product(a, b) if isinstance(a, np.ndarray) else a @ b
