@@ -5,13 +5,15 @@ where the mean of its two fingertips is; with the robot's kinematics (`InputConf
 """
 
 import sys
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from artiskill.geometry.arrays import small_product
 from artiskill.learning.network_config import InputConfig
-from artiskill.robots.kinematics import RobotKinematics
+
+if TYPE_CHECKING:  # it needs compiled kernels, and training without the engine does not
+    from artiskill.robots.kinematics import RobotKinematics
 
 HANDS = {38: 1, 68: 2}  # arms by the length of the robot's state
 
@@ -46,7 +48,7 @@ def make_features(
     config: InputConfig,
     scale: Scale,
     frame: str = "world",
-    kinematics: RobotKinematics | None = None,
+    kinematics: "RobotKinematics | None" = None,
 ) -> Features:
     """Return the inputs of a network.
 
@@ -89,7 +91,7 @@ def make_features(
 
 
 def feature_sizes(
-    config: InputConfig, masks: int, agent: int, frame: str, kinematics: RobotKinematics | None = None
+    config: InputConfig, masks: int, agent: int, frame: str, kinematics: "RobotKinematics | None" = None
 ) -> tuple[int, int]:
     """Return how many numbers `make_features` gives of each point, and of cloud and robot."""
     zeros, ones = (lambda *shape: np.zeros(shape, np.float32)), (lambda *shape: np.ones(shape, np.float32))
@@ -148,7 +150,7 @@ def _robot_coordinates(xp: Any, points: Any, agent: Any, frame: str, state: list
 
 
 def _seen_by_body(
-    xp: Any, points: Any, agent: Any, config: InputConfig, kinematics: RobotKinematics, frame: str
+    xp: Any, points: Any, agent: Any, config: InputConfig, kinematics: "RobotKinematics", frame: str
 ) -> tuple[dict[str, Any], list[Any]]:
     """Return coordinates in the frames of base and hands, and what the robot knows of itself."""
     hands, count = kinematics.arms, len(agent)

@@ -7,7 +7,7 @@ Dropout, in training mode, draws from torch's global generator: who trains seeds
 
 from collections.abc import Iterator
 from itertools import pairwise, repeat
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -17,7 +17,9 @@ from artiskill.learning.batch import Observation, Sizes, Statistics
 from artiskill.learning.features import Features, Scale, feature_sizes, make_features
 from artiskill.learning.network_config import NetworkConfig, TransformerConfig
 from artiskill.robots.config import RobotConfig
-from artiskill.robots.kinematics import RobotKinematics
+
+if TYPE_CHECKING:  # it needs compiled kernels, and training without the engine does not
+    from artiskill.robots.kinematics import RobotKinematics
 
 _WORTH_GATHERING = 0.8  # share of points below which the layers are spared the others
 _POINTS_AT_ONCE = 2048  # without gradients: their widest features are 2 to 4 MB
@@ -47,7 +49,7 @@ def make_network(
         robot: who acts, where the inputs ask for its kinematics.
     """
     config = config.resolved()
-    kinematics = None if robot is None else RobotKinematics(robot)
+    kinematics = None if robot is None else _kinematics(robot)
     points, state = feature_sizes(config.input, sizes.masks, sizes.agent, frame, kinematics)
     shape = Shape(points, state, sizes.masks, outputs, extra)
     normalise = Inputs(config, statistics, frame, kinematics)
@@ -61,6 +63,12 @@ def make_network(
         nn.init.zeros_(network.mlp.output.weight)
         nn.init.zeros_(network.mlp.output.bias)
     return network
+
+
+def _kinematics(robot: RobotConfig) -> "RobotKinematics":
+    from artiskill.robots.kinematics import RobotKinematics
+
+    return RobotKinematics(robot)
 
 
 class Shape(NamedTuple):
@@ -77,7 +85,7 @@ class Inputs(nn.Module):
     """Computes features of observations; holds the statistics that they are normalised with."""
 
     def __init__(
-        self, config: NetworkConfig, statistics: Statistics, frame: str, kinematics: RobotKinematics | None
+        self, config: NetworkConfig, statistics: Statistics, frame: str, kinematics: "RobotKinematics | None"
     ) -> None:
         super().__init__()
         self.config, self.frame, self.kinematics = config.input, frame, kinematics
