@@ -44,6 +44,7 @@ def test_other_processes_do_the_same(context: str) -> None:
 _EVERY_MODE = """
 import gymnasium as gym, artiskill
 from artiskill.envs.wrappers import PointCloudDownsample
+from artiskill.evaluation.policies import load_policy, policy_of_task
 from numba.core import event
 compiled = []
 class Listener(event.Listener):
@@ -61,12 +62,21 @@ for task in ("OpenCabinetDoor", "OpenCabinetDrawer", "PushChair", "MoveBucket"):
     vector = gym.make_vec(f"ArtiSkill/{task}-v0", num_envs=2, obs_mode="rgbd")
     vector.reset(seed=0)
     vector.step(vector.action_space.sample())
+    for name in ("expert", "demonstrator", "pretrained"):
+        actor = load_policy(policy_of_task(name, task))
+        env = artiskill.ManipulationEnv(task, obs_mode=actor.obs_mode or "state")
+        if actor.sampling is not None:
+            actor.sampling.wrap(env)
+        observation, info = env.reset(seed=0)
+        actor.reset(env, observation, info)
+        for _ in range(3):
+            observation, *_ = env.step(actor.act(env, observation))
 print(compiled)
 """
 
 
 @pytest.mark.slow
-def test_after_warm_no_environment_compiles_anything(tmp_path):
+def test_after_warm_nothing_is_compiled(tmp_path):
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     run = partial(subprocess.run, env=environment, capture_output=True, text=True, check=True)
     warm = run([sys.executable, "-m", "artiskill", "warm"])

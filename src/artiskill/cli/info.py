@@ -1,6 +1,7 @@
 """Commands that show what there is: `objects`, `tasks`, `protocols`, `config`, `version`; `warm` compiles it."""
 
 import argparse
+from functools import partial
 from typing import Any
 
 from artiskill.cli.parser import add_command, add_set, overrides_of
@@ -77,6 +78,22 @@ def _version(arguments: argparse.Namespace) -> None:
         print(f"{name} {number}")
 
 
+def _act_once(name: str) -> None:
+    """Have an expert, or the package's policy, act with one arm and with two: they have kernels of their own."""
+    from artiskill.envs.manipulation import ManipulationEnv
+    from artiskill.evaluation.policies import load_policy, policy_of_task
+
+    for task in ("OpenCabinetDrawer", "MoveBucket"):
+        actor = load_policy(policy_of_task(name, task))
+        env = ManipulationEnv(task, obs_mode=actor.obs_mode or "state")
+        if actor.sampling is not None:
+            actor.sampling.wrap(env)
+        observation, info = env.reset(seed=0)
+        actor.reset(env, observation, info)
+        actor.act(env, observation)
+        env.close()
+
+
 def _warm(arguments: argparse.Namespace) -> None:
     import time
 
@@ -87,6 +104,7 @@ def _warm(arguments: argparse.Namespace) -> None:
     do_not_announce()
     start = time.process_time()
     uses = first_uses()
+    uses += [partial(_act_once, name) for name in ("expert", "pretrained")]
     with ProgressBar("compiling", len(uses), "steps") as progress:
         for use in uses:
             use()
