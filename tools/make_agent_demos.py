@@ -167,13 +167,8 @@ def _cells(rows: Sequence[dict[str, str]], name: str, target: str, algorithm: st
     made = total["demonstrations"]
     each = [f"{total['steps'] / made:.0f}", f"{total['bytes'] / made / 1000:.1f}"] if made else ["", ""]
     return [
-        *(
-            name,
-            target,
-            algorithm,
-            f"{total['training steps'] / 1000:,.0f}",
-            f"{total['training seconds'] / 60:.1f}",
-        ),
+        *(name, target, algorithm),
+        *(f"{total['training steps'] / 1000:,.0f}", f"{total['training seconds'] / 60:.1f}"),
         *(f"{total['successes'] / total['episodes']:.0%}", f"{made:,.0f} of {total['attempts']:,.0f}"),
         *(*each, f"{total['collecting seconds']:,.0f}"),
     ]

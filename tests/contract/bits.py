@@ -18,6 +18,7 @@ import gymnasium as gym
 import numpy as np
 
 import artiskill
+from artiskill.evaluation.pictures import EpisodeChoice
 from artiskill.evaluation.policies import load_policy, policy_of_task
 
 # objects whose hash, which rounds, once differed between processors all the same
@@ -123,10 +124,8 @@ def acting() -> dict[str, str]:
     for task, ids in of_tasks():
         for name in ("expert", "demonstrator", "pretrained"):
             actor = load_policy(policy_of_task(name, task))
-            env: Any = gym.make(f"ArtiSkill/{task}-v0", obs_mode=actor.obs_mode or "state").unwrapped
-            if actor.sampling is not None:
-                actor.sampling.wrap(env)
-            observation, info = env.reset(options={"level": 3, "object": ids[0]})
+            env = EpisodeChoice(task, ids[0]).make_env(actor)
+            observation, info = env.reset(options={"level": 3})
             actor.reset(env, observation, info)
             actions = []
             for _ in range(ACTIONS):

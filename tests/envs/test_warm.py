@@ -44,6 +44,7 @@ def test_other_processes_do_the_same(context: str) -> None:
 _EVERY_MODE = """
 import gymnasium as gym, artiskill
 from artiskill.envs.wrappers import PointCloudDownsample
+from artiskill.evaluation.pictures import EpisodeChoice
 from artiskill.evaluation.policies import load_policy, policy_of_task
 from numba.core import event
 compiled = []
@@ -64,9 +65,7 @@ for task in ("OpenCabinetDoor", "OpenCabinetDrawer", "PushChair", "MoveBucket"):
     vector.step(vector.action_space.sample())
     for name in ("expert", "demonstrator", "pretrained"):
         actor = load_policy(policy_of_task(name, task))
-        env = artiskill.ManipulationEnv(task, obs_mode=actor.obs_mode or "state")
-        if actor.sampling is not None:
-            actor.sampling.wrap(env)
+        env = EpisodeChoice(task, artiskill.list_objects(task=task)[0]).make_env(actor)
         observation, info = env.reset(seed=0)
         actor.reset(env, observation, info)
         for _ in range(3):

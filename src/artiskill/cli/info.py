@@ -80,14 +80,13 @@ def _version(arguments: argparse.Namespace) -> None:
 
 def _act_once(name: str) -> None:
     """Have an expert, or the package's policy, act with one arm and with two: they have kernels of their own."""
-    from artiskill.envs.manipulation import ManipulationEnv
+    from artiskill.assets.catalog import list_objects
+    from artiskill.evaluation.pictures import EpisodeChoice
     from artiskill.evaluation.policies import load_policy, policy_of_task
 
     for task in ("OpenCabinetDrawer", "MoveBucket"):
         actor = load_policy(policy_of_task(name, task))
-        env = ManipulationEnv(task, obs_mode=actor.obs_mode or "state")
-        if actor.sampling is not None:
-            actor.sampling.wrap(env)
+        env = EpisodeChoice(task, list_objects(task=task)[0]).make_env(actor)
         observation, info = env.reset(seed=0)
         actor.reset(env, observation, info)
         actor.act(env, observation)

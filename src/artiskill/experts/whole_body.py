@@ -151,9 +151,7 @@ class WholeBodyController:
         own = (starts[:, None] + np.arange(self.arm_joints)).reshape(-1)
         self.columns = np.concatenate((np.arange(TRUNK), own))
         self.finger_columns = starts[:, None] + self.arm_joints + np.arange(_FINGERS)
-        self._arms = [
-            slice(start, start + self.arm_joints) for start in range(TRUNK, self.num_joints, self.arm_joints)
-        ]
+        self._arms = arms
         inside = np.array((config.limit_margin_rad, -config.limit_margin_rad))
         ranges = np.array([joint.range_rad for joint in arm.joints]) + inside
         free = np.array([(-np.inf, np.inf)] * _BASE)
@@ -200,7 +198,7 @@ class WholeBodyController:
         Returns:
             (n,) velocities, 0 for the trunk.
         """
-        linear = self.jacobian(state).reshape(len(self._arms), 6, -1)[:, :3]  # (A, 3, n)
+        linear = self.jacobian(state).reshape(self._arms, 6, -1)[:, :3]  # (A, 3, n)
         push = small_product(forces_w.reshape(-1), linear.reshape(forces_w.size, -1)) / self._drive_damping
         push[:TRUNK] = 0.0
         return push
@@ -237,8 +235,8 @@ class WholeBodyController:
         """Return those of B states, (B, 6 A, n)."""
         axis = np.take(state.robot_joint_axis_w, self.columns, axis=1)
         anchor = np.take(state.robot_joint_anchor_w, self.columns, axis=1)
-        tool = state.tool_position_w[:, : len(self._arms)]
-        found = np.zeros((len(axis), len(self._arms), 6, self.num_joints))
+        tool = state.tool_position_w[:, : self._arms]
+        found = np.zeros((len(axis), self._arms, 6, self.num_joints))
         _fill_jacobians(axis, anchor, np.ascontiguousarray(tool), found)
         return found.reshape(len(axis), -1, self.num_joints)
 

@@ -88,7 +88,10 @@ def matmul(a: Array, b: Array) -> Array:
 
 
 def small_product(a: np.ndarray, b: np.ndarray) -> Any:
-    """Return what `a @ b` is of small arrays, each of one dimension or more; without BLAS."""
+    """Return what `a @ b` is of small arrays of NumPy, each of one dimension or more.
+
+    `matmul` is for arrays of any library; this is one call of `einsum`, which asks BLAS only if it is to optimise.
+    """
     rows, columns = "...ij" if a.ndim > 1 else "j", "...jk" if b.ndim > 1 else "j"
     outer = "..." * (a.ndim > 1 or b.ndim > 1)
     return np.einsum(f"{rows},{columns}->{outer}{'i' * (a.ndim > 1)}{'k' * (b.ndim > 1)}", a, b)

@@ -61,8 +61,8 @@ class RobotKinematics:
         self._sine[..., 0], self._sine[..., 1] = links[..., 1], -links[..., 0]
         self._fixed[..., 2:] = links[..., 2:]
         self._hand = _frame(arm.hand.position_m, arm.hand.rpy_rad)
-        self._finger_m = np.asarray(arm.finger.position_m)
-        self._tool_m = self._finger_m + arm.finger.pad_m  # both in the hand's frame
+        finger = np.asarray(arm.finger.position_m)
+        self._offsets_m = np.stack((finger, finger + arm.finger.pad_m))  # of finger and tool, in the hand's frame
 
     def joints(self, agent: Array) -> tuple[Array, Array]:
         """Return positions and velocities of the joints, each (B, R), from the proprioception (B, S).
@@ -89,8 +89,10 @@ class RobotKinematics:
 
         NumPy or torch.
         """
-        hand = self._chain(qpos)[-1]
-        return self._point(hand, self._tool_m), hand[..., :3, :3]
+        hand = self._hands(qpos)
+        x, y, z = self._offsets_m[1].tolist()
+        tool = hand[..., :3, 0] * x + hand[..., :3, 1] * y + hand[..., :3, 2] * z + hand[..., :3, 3]
+        return tool, hand[..., :3, :3]
 
     def pose(self, agent: np.ndarray, step_s: float) -> RobotPose:
         """Return joints and hands in the world; of NumPy arrays.
@@ -108,8 +110,7 @@ class RobotKinematics:
         anchors, axes = np.zeros((2, count, qpos.shape[1], 3))
         tool, rotation = np.empty((count, arms, 3)), np.empty((count, arms, 3, 3))
         turn = np.stack((np.cos(qpos[:, 2]), np.sin(qpos[:, 2])), axis=1)
-        offsets = np.stack((self._finger_m, self._tool_m))
-        _fill_pose(self._frames(qpos), qpos, turn, offsets, (anchors, axes, tool, rotation))
+        _fill_pose(self._frames(qpos), qpos, turn, self._offsets_m, (anchors, axes, tool, rotation))
         return RobotPose(step_s, qpos, anchors, axes, tool, rotation)
 
     def _frames(self, qpos: np.ndarray) -> np.ndarray:
@@ -121,12 +122,11 @@ class RobotKinematics:
         _fill_frames(np.cos(angles), np.sin(angles), qpos[:, _LIFT].astype(np.float64), links, frames)
         return frames
 
-    def _chain(self, qpos: Array) -> list[Array]:
-        """Return the frames of each joint's link, then of the hand, (B, A, 4, 4) each, in the base's frame."""
+    def _hands(self, qpos: Array) -> Array:
+        """Return the frames of the hands, (B, A, 4, 4), in the base's frame; of NumPy or torch."""
         xp = namespace(qpos)
         if xp is np:
-            frames = self._frames(qpos)
-            return [frames[:, :, i] for i in range(frames.shape[2])]
+            return self._frames(qpos)[:, :, -1]
         cosine, sine, fixed, hand = (
             xp.asarray(one, dtype=qpos.dtype, device=qpos.device)
             for one in (self._cosine, self._sine, self._fixed, self._hand)
@@ -134,15 +134,10 @@ class RobotKinematics:
         angles = xp.reshape(qpos[:, _TRUNK:], (qpos.shape[0], self.arms, -1))[..., : self.arm_joints, None, None]
         links = fixed + xp.cos(angles) * cosine + xp.sin(angles) * sine  # (B, A, n, 4, 4)
         links[..., 0, 2, 3] += qpos[:, _LIFT:_TRUNK]
-        found = [links[..., 0, :, :]]
+        found = links[..., 0, :, :]
         for i in range(1, self.arm_joints):
-            found.append(matmul(found[-1], links[..., i, :, :]))
-        return [*found, matmul(found[-1], hand)]
-
-    def _point(self, frame: Array, position_m: np.ndarray) -> Array:
-        """Return a point (..., 3) of frames (..., 4, 4)."""
-        x, y, z = position_m.tolist()
-        return frame[..., :3, 0] * x + frame[..., :3, 1] * y + frame[..., :3, 2] * z + frame[..., :3, 3]
+            found = matmul(found, links[..., i, :, :])
+        return matmul(found, hand)
 
 
 @kernel
