@@ -16,8 +16,8 @@ CORE_RATES = {
     "pointnet": {"bc": 204.0, "bcq": 33.0, "td3bc": 43.0},
     "pointnet_transformer": {"bc": 111.0, "bcq": 18.0, "td3bc": 25.0},
 }
-GPU_CORES = 90.0  # a guess: how many cores a GPU is worth, and what reading allows at most
-READING_RATE = 20_000.0
+GPU_CORES = 37.0  # that an H100 was worth, with `bc` of pointnet_transformer in float32
+READING_RATE = 20_000.0  # a guess: what reading allows at most
 STEP_S = 0.003  # of an environment with point clouds
 ACT_S = {"small": 0.0008, "small_transformer": 0.0014, "pointnet": 0.0035, "pointnet_transformer": 0.0095}
 BCQ_ACT = 2.3  # times as long
