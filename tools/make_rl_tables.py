@@ -32,11 +32,12 @@ PICTURE = Path("images", "reinforcement.png")
 BEGIN, END = "<!-- made by tools/make_rl_tables.py -->", "<!-- end of the tables -->"
 ONE, MANY, PLAIN = TABLES = ("one", "many", "plain")
 CABINETS = ("OpenCabinetDoor", "OpenCabinetDrawer")
-CABINET_VALUES = ["config.state.handle=true"]
+CABINET_VALUES, PLAIN_VALUES = ["config.state.handle=true"], ["config.state.handle=false"]
 FREE_OBJECT_VALUES = ["config.state.relative=true", "algorithm.gamma=0.98"]
 WITH_EXPERT = "sac-expert"
 ALGORITHMS = ("sac", "ppo", WITH_EXPERT)
-# what is set where an expert helps; with noise, two hands drop what they carry
+# what is set where no expert helps, and where one does; with noise, two hands drop what they carry
+NO_EXPERT = ["algorithm.expert_share=0", "algorithm.action_entropy=-0.3"]
 EXPERT_OF_CABINETS = ["algorithm.expert_share=0.25"]
 EXPERT_OF_FREE_OBJECTS = ["algorithm.expert_share=0.5", "algorithm.action_entropy=-3"]
 COUNTS, MANY_TASK = (1, 5, 10, 20, 25), "OpenCabinetDrawer"
@@ -48,8 +49,6 @@ STATES = {MANY: "with the handle", PLAIN: "the paper's"}
 FIRST_LEVEL = 1_000_000  # training draws from 2^31
 BATCH = 256  # of `sac` with many cabinets, of which each is then met in most batches
 EPISODES = {ONE: 100, MANY: 10, PLAIN: 10}  # on each object
-# where the algorithm's default is not enough
-STEPS = {"OpenCabinetDoor": 600_000, "PushChair": 1_000_000, "MoveBucket": 1_000_000}  # of `sac`
 GRADED = {"OpenCabinetDoor": 3, "OpenCabinetDrawer": 3, "PushChair": 1, "MoveBucket": 1}  # objects of table `one`
 
 
@@ -115,7 +114,7 @@ def make_parser() -> argparse.ArgumentParser:
     )
     add("--algorithm", choices=ALGORITHMS, default="sac", help="(default: %(default)s)")
     add("--seeds", nargs="+", type=int, default=[0, 1, 2], help="(default: 0 1 2)")
-    add("--steps", type=int, help="of each policy (default: `STEPS` of this script, else the algorithm's)")
+    add("--steps", type=int, help="of each policy (default: those of algorithm and task)")
     add("--set", nargs="+", default=[], metavar="KEY=VALUE", help="as `artiskill train` takes it")
     add("--jobs", type=int, default=available_cores(), help="policies at once, a core each (default: all cores)")
     return parser
@@ -165,15 +164,18 @@ def train_command(policy: Policy, options: argparse.Namespace) -> list[str]:
     command = ["train", algorithm, "--task", policy.task, "--objects", *policy.objects]
     command += ["--out", str(policy.folder(options.work) / "run"), "--seed", str(policy.seed), "--threads", "1"]
     command += ["--target", policy.target] if policy.target else []
-    steps = options.steps or (STEPS.get(policy.task) if algorithm == "sac" else None)
-    command += ["--steps", str(steps)] if steps else []
-    is_cabinet = policy.task in CABINETS
-    values = [] if policy.table == PLAIN else CABINET_VALUES if is_cabinet else FREE_OBJECT_VALUES
-    expert = EXPERT_OF_CABINETS if is_cabinet else EXPERT_OF_FREE_OBJECTS
-    values = values + (expert if policy.algorithm == WITH_EXPERT else [])
-    values += [f"algorithm.batch_size={BATCH}"] if policy.table != ONE and algorithm == "sac" else []
-    values += options.set
-    return command + (["--set", *values] if values else [])
+    command += ["--steps", str(options.steps)] if options.steps else []
+    return [*command, "--set", *values_of(policy), *options.set]
+
+
+def values_of(policy: Policy) -> list[str]:
+    """Return what is set of a policy, also where it is the default of its task."""
+    algorithm, is_cabinet = policy.algorithm.partition("-")[0], policy.task in CABINETS
+    values = PLAIN_VALUES if policy.table == PLAIN else CABINET_VALUES if is_cabinet else FREE_OBJECT_VALUES
+    if algorithm == "sac":
+        expert = EXPERT_OF_CABINETS if is_cabinet else EXPERT_OF_FREE_OBJECTS
+        values = values + (expert if policy.algorithm == WITH_EXPERT else NO_EXPERT)
+    return values + [f"algorithm.batch_size={BATCH}"] * (policy.table != ONE and algorithm == "sac")
 
 
 def evaluate_command(policy: Policy, split: str, work: Path) -> list[str]:

@@ -122,5 +122,9 @@ def test_importing_it_imports_no_torch() -> None:
 def test_the_help_says_how_many_steps_agents_learn_from(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["train", "--help"])
-    steps = {name: load_reinforcement_config(name, TASK).steps for name in ("sac", "ppo")}
-    assert f"(sac: at most {steps['sac']}, ppo: {steps['ppo']})" in " ".join(capsys.readouterr().out.split())
+    ppo, *sac = (
+        load_reinforcement_config(name, task).steps
+        for name, task in (("ppo", TASK), ("sac", TASK), ("sac", "OpenCabinetDoor"), ("sac", "MoveBucket"))
+    )
+    told = f"(sac: at most {sac[0]}, doors {sac[1]}, chairs and buckets {sac[2]}; ppo: {ppo})"
+    assert told in " ".join(capsys.readouterr().out.split())

@@ -5,12 +5,14 @@ import shutil
 from pathlib import Path
 
 import pytest
+import yaml
 from PIL import Image
 
 import make_rl_tables as script
 from artiskill.learning.reinforcement_config import load_reinforcement_config
 from learning_tables import curves
-from make_rl_tables import BEGIN, END, graded
+from learning_tables.cells import TASKS
+from make_rl_tables import BEGIN, END, Policy, graded, values_of
 
 DEVELOPMENT = "step,object,episodes,successes\n9,a,5,1\n9,b,5,2\n10,a,5,4\n10,b,5,5\n"
 WORDS = f"before\n{BEGIN}\nold\n{END}\nafter\n"
@@ -66,20 +68,21 @@ def test_finished_runs_stay_in_the_tables(tmp_path: Path, commands: list[list[st
     assert "| 5 | with the handle | sac | 50% | 50% | 82 % | 2 | 10 |" in _page(tmp_path)
     commands.clear()
     assert run(tmp_path, "--tables", "plain", "--counts", "5", "--seeds", "0") == 0
-    assert "config.state.handle=true" not in commands[0]
+    assert "config.state.handle=false" in commands[0]
     assert "| 5 | the paper's | sac | 50% | 50% | 82 % | 2 | 10 |" in _page(tmp_path)
 
 
 def test_runs_that_an_expert_helps_have_rows_of_their_own(tmp_path: Path, commands: list[list[str]]) -> None:
     asked = ("--tables", "one", "--tasks", "OpenCabinetDoor", "--seeds", "0")
     assert run(tmp_path, *asked) == 0
-    assert not any("expert_share" in word for command in commands for word in command)
+    trains = [command for command in commands if command[0] == "train"]
+    assert len(trains) == 3
+    assert all("algorithm.expert_share=0" in command for command in trains)
     commands.clear()
     assert run(tmp_path, *asked, "--algorithm", "sac-expert") == 0
     trains = [command for command in commands if command[0] == "train"]
     assert len(trains) == 3
     assert all(command[1] == "sac" and "algorithm.expert_share=0.25" in command for command in trains)
-    assert all(command[command.index("--steps") + 1] == "600000" for command in trains)
     assert _page(tmp_path).count("| sac |") == _page(tmp_path).count("| sac-expert |") == 3
     commands.clear()
     assert (
@@ -87,7 +90,14 @@ def test_runs_that_an_expert_helps_have_rows_of_their_own(tmp_path: Path, comman
     )
     values = commands[0][commands[0].index("--set") + 1 :]
     assert {"algorithm.expert_share=0.5", "algorithm.action_entropy=-3", "config.state.relative=true"} <= {*values}
-    load_reinforcement_config("sac", "MoveBucket", dict(value.split("=") for value in values))
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_the_table_measures_the_defaults_of_each_task(task: str) -> None:
+    algorithm = "sac" if task == "OpenCabinetDrawer" else "sac-expert"
+    measured = values_of(Policy("one", task, (graded(task)[0][0],), "", algorithm, 0))
+    asked = {key: yaml.safe_load(value) for key, value in (one.split("=") for one in measured)}
+    assert load_reinforcement_config("sac", task, asked) == load_reinforcement_config("sac", task)
 
 
 def test_ended_runs_keep_their_last_value_in_curves(tmp_path: Path) -> None:

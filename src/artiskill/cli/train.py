@@ -27,6 +27,7 @@ _EPILOG = """examples:
       --network pointnet_transformer --steps 150000 --precision bfloat16 --set algorithm.alpha=0.2
   artiskill train dagger --task OpenCabinetDrawer --out runs/drawer-dagger
   artiskill train sac --task OpenCabinetDrawer --objects cabinet-0002 --target link_0 --out runs/one-drawer
+  artiskill train sac --task PushChair --objects chair-0018 --out runs/one-chair
   torchrun --nproc-per-node 2 -m artiskill train bc ...     # with several GPUs
 
 The same command goes on where a run was stopped; with schedule=constant and more --steps beyond its end.
@@ -55,7 +56,8 @@ def add_commands(commands: Any) -> None:
         "and command_bc)",
     )
     steps = "gradient steps (default: bc, command_bc: 6000; bcq, td3bc: 20000; dagger: 5200)"
-    add("--steps", type=int, help=f"{steps}, or of environments (sac: at most 400000, ppo: 2000000)")
+    most = "sac: at most 400000, doors 600000, chairs and buckets 1000000; ppo: 2000000"
+    add("--steps", type=int, help=f"{steps}, or of environments ({most})")
     rollouts = "dagger, sac, ppo: learn on these (default: train; dagger: and hundreds of generated ones)"
     add("--objects", nargs="+", metavar="OBJECT", help=rollouts)
     add("--target", metavar="LINK", help="sac, ppo: open only this one (default: each episode draws one)")

@@ -181,7 +181,7 @@ class ReinforcementConfig:
 def load_reinforcement_config(
     name: str, task: str, overrides: Mapping[str, Any] | None = None
 ) -> ReinforcementConfig:
-    """Return the values of a run: of the package's files, and others laid over them.
+    """Return the values of a run: of the package's files, what they say of the task, and others laid over them.
 
     Args:
         name: of the algorithm, one of `REINFORCEMENT`.
@@ -194,7 +194,11 @@ def load_reinforcement_config(
     """
     check_name("algorithm", name, REINFORCEMENT)
     task_spec(task)
-    values = merge_overrides(load_yaml(_FOLDER / "reinforcement.yaml"), load_yaml(_FOLDER / f"{name}.yaml"))
+    files = [load_yaml(_FOLDER / f"{one}.yaml") for one in ("reinforcement", name)]
+    of_task = [file.pop("tasks", {}).get(task, {}) for file in files]
+    values: dict[str, Any] = {}
+    for layer in (*files, *of_task):
+        values = merge_overrides(values, layer)
     values |= {"task": task, "name": name, "objects": ("train",)}
     config = from_layers(
         ReinforcementConfig, lambda given: merge_overrides(values, given), overrides, f"{name}.yaml"
