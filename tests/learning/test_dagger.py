@@ -23,7 +23,6 @@ from artiskill.evaluation.evaluate import evaluate
 from artiskill.experts.whole_body import Command, Grip, WholeBodyConfig
 from artiskill.exports.export import export_object
 from artiskill.learning.array_policy import ArrayPolicy
-from artiskill.learning.augmentation import Augmentation, AugmentationConfig
 from artiskill.learning.batch import Batch, Sizes, Statistics
 from artiskill.learning.commands import CommandSpace
 from artiskill.learning.dagger import DAgger
@@ -102,20 +101,6 @@ def test_ways_to_roll_a_single_hand_are_kinds_of_their_own() -> None:
     assert kinds == [6, 6, 7, 8]
     assert space(1).kinds == 9
     assert space(2).kinds == 3
-
-
-def test_ways_to_turn_the_base_are_kinds_of_two_hands_if_asked_for() -> None:
-    turning = dataclasses.replace(space(2), turns=True)
-    labels = []
-    for yaw in (0.0, 0.1, 0.9, -0.9):
-        trunk = np.array([0.1, 0.2, yaw, 0.0])
-        labels.append(turning.encode(dataclasses.replace(command(2), phase=1, trunk_qvel=trunk)))
-    assert [int(label[-1]) for label in labels] == [3, 3, 4, 5]
-    assert turning.kinds == 9
-    assert [turning.decode(label).phase for label in labels] == [1, 1, 1, 1]
-    assert turning.decode(labels[3]).trunk_qvel[2] == pytest.approx(-0.9)
-    mirrored = Augmentation(AugmentationConfig(mirror=1.0), turning, "robot")._mirrored_labels(np.stack(labels))
-    assert mirrored[:, -1].tolist() == [3, 3, 5, 4], "the base turns the other way"
 
 
 def test_a_space_of_one_kind_has_one_command_for_all_phases_and_rolls() -> None:
@@ -405,7 +390,7 @@ def test_a_run_that_began_before_a_value_was_there_goes_on(whole: Path, tmp_path
     run = tmp_path / "run"
     shutil.copytree(whole, run)
     text = (run / CONFIG).read_text()
-    (run / CONFIG).write_text(text.replace("  one_kind: false\n  turns: false\n", ""))
+    (run / CONFIG).write_text(text.replace("  one_kind: false\n", ""))
     assert (run / CONFIG).read_text() != text
     tiny_run(run)
     assert (run / CONFIG).read_text() == text

@@ -113,7 +113,7 @@ class Augmentation:
             found[:, start : start + a] = labels[:, start : start + a][:, ::-1]
         if space.phases == GRIP_PHASES:  # of the first hand, which is another now
             found[:, -1] = found[:, m + a]
-        return space.with_motions(found, *space.motions(found)) if space.turns else found
+        return found
 
 
 def mirrored_agent(agent: np.ndarray, arms: int) -> np.ndarray:

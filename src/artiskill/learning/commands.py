@@ -1,9 +1,9 @@
 """Commands as numbers that a network can give, and a command's way from there to an action.
 
 A policy that learns commands (`artiskill.experts.whole_body`) gives several of them, and says which it is: one for
-each phase of the work, and for each way to turn: of a single hand to roll, as handles can be gripped in several
-rolls; of two hands the base's, as they can go around an object either way. The likeliest one acts; a regression
-would act by their mean, which leads nowhere. NumPy, or torch where arrays are tensors; imports no torch.
+each phase of the work, and, of a single hand, for each way that the hand may roll, as handles can be gripped in
+several rolls. The likeliest one acts; a regression would act by their mean, which leads nowhere. NumPy, or torch
+where arrays are tensors; imports no torch.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,9 +35,7 @@ GRIP_PHASES = tuple(grip.name.lower() for grip in Grip)  # where no expert says 
 _TWIST = 6
 # what counts as 1 in a vector; typical, not the most
 _LINEAR_M_S, _ANGULAR_RAD_S, _TRUNK_M_S, _GAIN_S, _PRESS_N, _WIDTH_M = 0.8, 3.0, 0.6, 2.0, 50.0, 0.02
-_WAYS = 3  # to turn: hardly, one way, the other
-_ROLL, _SLOW_ROLL = 5, 0.3  # place of the hand's roll in a motion, and what counts as hardly
-_YAW, _SLOW_YAW = 2, 0.3  # likewise of the base's turn, in the motion of the trunk
+_ROLL, _ROLLS, _SLOW_ROLL = 5, 3, 0.3  # place of the hand's roll in a motion; hardly, one way, the other; when
 _SHUT_M = 5e-4  # positions of fingers that are nearer are the same
 _MOST = 1.5  # of these: motions beyond are asked for nowhere, and a network need not tell how far
 
@@ -63,7 +61,6 @@ class CommandSpace:
     close_speed_m_s: float  # of a finger that closes slowly
     rolls: bool  # whether the last joint of each arm is free to turn
     one_kind: bool = False  # kinds are not told apart: there is one
-    turns: bool = False  # of two hands: kinds tell apart which way the base turns
 
     def __post_init__(self) -> None:
         check_positive(self, "step_s", "close_speed_m_s", "arms")
@@ -75,12 +72,12 @@ class CommandSpace:
 
     @property
     def kinds(self) -> int:
-        """How many kinds of commands are told apart: phases, times ways to turn; or one."""
-        return 1 if self.one_kind else len(self.phases) * self._ways
+        """How many kinds of commands are told apart: phases, times ways to roll a single hand; or one."""
+        return 1 if self.one_kind else len(self.phases) * self._rolls
 
     @property
-    def _ways(self) -> int:
-        return _WAYS if self.arms == 1 or self.turns else 1
+    def _rolls(self) -> int:
+        return _ROLLS if self.arms == 1 else 1
 
     @property
     def label_size(self) -> int:
@@ -113,11 +110,10 @@ class CommandSpace:
         """Return the kinds (...) of commands of these phases (...) with motions (..., M)."""
         if self.one_kind:
             return np.zeros_like(phase)
-        if self._ways == 1:
+        if self.arms > 1:
             return phase
-        place, slow = (_ROLL, _SLOW_ROLL) if self.arms == 1 else (_TWIST * self.arms + _YAW, _SLOW_YAW)
-        turn = scaled[..., place]
-        return phase * _WAYS + np.where(np.abs(turn) < slow, 0, 1 + (turn < 0))
+        roll = scaled[..., _ROLL]
+        return phase * _ROLLS + np.where(np.abs(roll) < _SLOW_ROLL, 0, 1 + (roll < 0))
 
     def motions(self, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the twists (B, 6 A) and the velocities of the trunk (B, 4) of commands (B, `label_size`)."""
@@ -130,7 +126,7 @@ class CommandSpace:
         motion = np.concatenate((twists, trunk_qvel), axis=1)
         scaled = motion / self._units[: motion.shape[1]]
         found[:, : motion.shape[1]] = np.clip(scaled, -_MOST, _MOST)
-        found[:, -1] = self._kind(labels[:, -1] // self._ways, scaled)
+        found[:, -1] = self._kind(labels[:, -1] // self._rolls, scaled)
         return found
 
     def decode(self, label: np.ndarray) -> Command:
@@ -139,7 +135,7 @@ class CommandSpace:
         values = np.asarray(label, dtype=np.float64)
         motion = values[:m] * self._units
         return Command(
-            phase=int(values[-1]) // self._ways,
+            phase=int(values[-1]) // self._rolls,
             twists=motion[: _TWIST * a].reshape(a, _TWIST),
             trunk_qvel=motion[_TWIST * a : _TWIST * a + TRUNK],
             arm_gain_s=max(0.0, float(motion[_TWIST * a + TRUNK])),
@@ -252,9 +248,9 @@ def commanding_expert(task: Task, values: Mapping[str, Any]) -> Any:
 
 
 def command_space(
-    task: Task, controller: CommandController, phases: Sequence[str], one_kind: bool = False, turns: bool = False
+    task: Task, controller: CommandController, phases: Sequence[str], one_kind: bool = False
 ) -> CommandSpace:
-    """Return the space of a task's commands; see `CommandSpace`."""
+    """Return the space of a task's commands, of all kinds or of one."""
     body = controller.whole_body
     return CommandSpace(
         robot=task.robot,
@@ -266,5 +262,4 @@ def command_space(
         close_speed_m_s=controller.close_speed_m_s,
         rolls=controller.rolls,
         one_kind=one_kind,
-        turns=turns,
     )

@@ -29,7 +29,6 @@ class DAggerConfig(CommandLearnerConfig):
     takeover_steps: tuple[int, int]  # fewest and most steps of the others after which the expert takes over
     # the network gives one command, not one for each kind; see `CommandSpace`
     one_kind: bool = field(default=False, kw_only=True)
-    turns: bool = field(default=False, kw_only=True)  # with two arms, kinds tell which way the base turns
 
     def __post_init__(self) -> None:
         check_positive(self, "points", "rounds", "expert_rounds")

@@ -124,7 +124,7 @@ class Rollouts:
         task, values = self.task, self.values
         expert = commanding_expert(task, values.expert)
         agent = sum(field.size for field in robot_fields(len(task.robot.mounts)))
-        space = command_space(task, expert.controller, expert.phases, values.one_kind, values.turns)
+        space = command_space(task, expert.controller, expert.phases, values.one_kind)
         Augmentation(values.augmentation, space, FRAME)  # an illegal one is refused before anything is written
         actions = len(expert.controller.whole_body.scale.center)
         sizes = Sizes(values.points, len(task.mask_names), agent, actions)
