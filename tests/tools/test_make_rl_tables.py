@@ -98,6 +98,8 @@ def test_the_table_measures_the_defaults_of_each_task(task: str) -> None:
     measured = values_of(Policy("one", task, (graded(task)[0][0],), "", algorithm, 0))
     asked = {key: yaml.safe_load(value) for key, value in (one.split("=") for one in measured)}
     assert load_reinforcement_config("sac", task, asked) == load_reinforcement_config("sac", task)
+    steps = {"OpenCabinetDrawer": 400_000, "OpenCabinetDoor": 600_000}
+    assert load_reinforcement_config("sac", task).steps == steps.get(task, 1_000_000)
 
 
 def test_ended_runs_keep_their_last_value_in_curves(tmp_path: Path) -> None:
