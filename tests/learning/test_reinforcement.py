@@ -18,7 +18,7 @@ pytest.importorskip("sbx", reason="needs the extra rl: `make test-rl`")
 import artiskill
 from artiskill.cli.main import main
 from artiskill.demos.demos import Demos
-from artiskill.errors import ConfigError, PolicyError, RunError
+from artiskill.errors import ConfigError, PolicyError, RunError, UnknownNameError
 from artiskill.learning import reinforcement
 from artiskill.learning.checkpoints import read_content
 from artiskill.learning.reinforcement import Run, reinforce
@@ -280,7 +280,7 @@ def test_damaged_and_foreign_folders_are_refused(tmp_path: Path) -> None:
         ({"algorithm.takeover_steps": [20, 10]}, "takeover_steps"),
         ({"evaluation.success_threshold": 1.1}, "success_threshold"),
         ({"evaluation.stop_after": -1}, "stop_after"),
-        ({"envs": 0}, "num_envs"),
+        ({"envs": 0}, "envs must be"),
         ({"objects": []}, "objects"),
         ({"reward_scale": 0}, "reward_scale"),
     ],
@@ -288,6 +288,12 @@ def test_damaged_and_foreign_folders_are_refused(tmp_path: Path) -> None:
 def test_illegal_values_are_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         tiny("sac", **changes)
+
+
+def test_what_is_refused_leaves_no_run_behind(tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match="unknown target link 'link_9'"):
+        reinforce(tiny("ppo", target="link_9"), tmp_path)
+    reinforce(tiny("ppo", steps=100), tmp_path)
 
 
 def test_a_policy_that_is_told_where_the_handle_is(tmp_path: Path) -> None:

@@ -143,15 +143,15 @@ def env_number(given: Any, num_envs: int) -> int:
     return int(given)
 
 
-def env_count(given: Any) -> int:
-    """Return a number of environments.
+def env_count(given: Any, name: str = "num_envs") -> int:
+    """Return a number of environments, which errors call `name`.
 
     Raises:
         ConfigError: no whole number, less than 1, or more than memory could hold.
     """
-    count = _at_least_one("num_envs", given)
+    count = _at_least_one(name, given)
     if count > MAX_ENVS:
-        raise ConfigError(f"num_envs must be at most {MAX_ENVS}, not {shown(count)}")
+        raise ConfigError(f"{name} must be at most {MAX_ENVS}, not {shown(count)}")
     return count
 
 

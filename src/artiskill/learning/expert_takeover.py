@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from artiskill.config import check
 from artiskill.demos.demonstrator import FAULTS
 from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.experts.registry import make_expert
@@ -29,11 +30,15 @@ class ExpertTakeover:
 
     Raises:
         PolicyError: the task has no expert.
+        ConfigError: an episode of the task is over before the expert would take over.
     """
 
     def __init__(
         self, env: ManipulationVectorEnv, share: float, takeover_steps: tuple[int, int], seed: int
     ) -> None:
+        last, limit = takeover_steps[1], env.task.config.episode_steps
+        rule = f"must lie below the {limit} steps of an episode"
+        check(last < limit, f"algorithm.takeover_steps {rule}, not at {last}")
         self._env, self._share, self._takeover_steps = env, share, takeover_steps
         self._expert = make_expert(env.task.name, env.task.robot)
         self._rng = np.random.default_rng([seed, _PRIVATE_STREAM])

@@ -20,11 +20,10 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecNormalize
 
 from artiskill.assets.catalog import checked_hash, object_id_of, resolve_objects
-from artiskill.config import check, dump_yaml
+from artiskill.config import dump_yaml
 from artiskill.envs.stable_baselines import as_sb3
 from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.errors import ConfigError, RunError
-from artiskill.experts.registry import make_expert
 from artiskill.files import LOCK_FILE, lock_folder, output_path
 from artiskill.learning.checkpoints import Records, TrainState, write_content
 from artiskill.learning.expert_takeover import ExpertTakeover
@@ -81,8 +80,9 @@ def reinforce(
     use_threads(threads)
     with lock_folder(folder, "training run"):
         try:
-            info = _prepare(config, folder)
+            info = _info_of(config, folder)
             run = Run(config, info, folder, threads)
+            _write_beginning(config, info, folder)  # only now: what is illegal leaves nothing behind
             on_lines(run.lines)
             on_start(run.state.step)
             run.train(on_step)
@@ -91,17 +91,24 @@ def reinforce(
     return run
 
 
-def _prepare(config: ReinforcementConfig, folder: Path) -> RunInfo:
-    """Write what the run's folder says of itself, or compare it with what is asked for."""
-    task = make_task(config.task, config.config)  # what is illegal is said before anything is written
-    if config.expert_share > 0:
-        make_expert(task.name, task.robot)
-        last, limit = config.values.takeover_steps[1], task.config.episode_steps
-        rule = f"must lie below the {limit} steps of an episode"
-        check(last < limit, f"algorithm.takeover_steps {rule}, not at {last}")
+def _info_of(config: ReinforcementConfig, folder: Path) -> RunInfo:
+    """Return what the run's folder says of itself, or is to say; what is asked for must fit what is there."""
+    make_task(config.task, config.config)  # before objects are searched for
     objects = resolve_objects(list(config.objects), task=config.task)
     hashes = " ".join(checked_hash(one) for one in objects)
-    info = RunInfo(
+    data = hashlib.sha256(hashes.encode()).hexdigest()
+    if (folder / INFO).exists():
+        found = read_info(folder)
+        if found.algorithm != config.name:
+            raise RunError(f"{str(folder)!r} holds a run of {found.algorithm}, not of {config.name}")
+        read_reinforcement_config(folder).check_continues(config, folder)
+        if found.data != data:
+            raise RunError(f"{str(folder)!r} holds a run on other objects; choose another folder")
+        return found
+    others = sorted({path.name for path in folder.iterdir()} - {LOCK_FILE, CONFIG})
+    if others:
+        raise RunError(f"{str(folder)!r} holds no training run, but {others[0]!r}; choose another folder")
+    return RunInfo(
         task=config.task,
         algorithm=config.name,
         control_mode="joint",
@@ -109,28 +116,17 @@ def _prepare(config: ReinforcementConfig, folder: Path) -> RunInfo:
         sizes={},
         statistics={},
         overrides=dict(config.config),
-        data=hashlib.sha256(hashes.encode()).hexdigest(),
+        data=data,
         objects=[object_id_of(one) for one in objects],
         steps=config.steps,
         versions=versions() | {name: version(name) for name in _LIBRARIES},
     )
-    is_new = not (folder / INFO).exists()
-    if is_new:
-        others = sorted({path.name for path in folder.iterdir()} - {LOCK_FILE, CONFIG})
-        if others:
-            raise RunError(f"{str(folder)!r} holds no training run, but {others[0]!r}; choose another folder")
-    else:
-        found = read_info(folder)
-        if found.algorithm != config.name:
-            raise RunError(f"{str(folder)!r} holds a run of {found.algorithm}, not of {config.name}")
-        read_reinforcement_config(folder).check_continues(config, folder)
-        if found.data != info.data:
-            raise RunError(f"{str(folder)!r} holds a run on other objects; choose another folder")
-        info = found
+
+
+def _write_beginning(config: ReinforcementConfig, info: RunInfo, folder: Path) -> None:
     write_whole(folder / CONFIG, dump_yaml(config).encode())
-    if is_new:  # last: from now on the folder holds a run
+    if not (folder / INFO).exists():  # last: from now on the folder holds a run
         write_info(info, folder)
-    return info
 
 
 class _Solved(Exception):  # noqa: N818 - no error

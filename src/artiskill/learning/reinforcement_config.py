@@ -152,7 +152,7 @@ class ReinforcementConfig:
         check(bool(self.objects), "objects must not be empty")
         check_value(self, "steps", 1 <= self.steps <= _MOST_STEPS, f"must lie in [1, {_MOST_STEPS}]")
         check_value(self, "seed", 0 <= self.seed < 2**31, "must lie in [0, 2^31)")
-        env_count(self.envs)
+        env_count(self.envs, "envs")
         check_positive(self, "reward_scale", "log_every", "checkpoint_every")
 
     @property
