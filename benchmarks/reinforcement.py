@@ -28,6 +28,7 @@ def simulation_rate(config: ReinforcementConfig, seconds: float) -> float:
         config.task,
         list(config.objects),
         target=config.target,
+        config=config.config,
         num_threads=1,
         autoreset_mode="same_step",
         terminate_on_success=config.terminate_on_success,

@@ -151,15 +151,20 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("results/ppo"))
     arguments = parser.parse_args()
+    if arguments.rollout < 2 * arguments.envs:
+        parser.error(
+            f"--rollout {arguments.rollout} is less than two steps of each of {arguments.envs} environments"
+        )
     arguments.out.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(1)  # small networks: more threads only wait for one another
     model, env, rows = train(arguments)
-    write(arguments.out / "episodes.csv", lambda path: write_csv(path, rows))
-    title = f"PPO, {arguments.task}, {arguments.object} {arguments.target or ''}, seed {arguments.seed}"
-    write(arguments.out / "curve.png", draw_curves(rows, title).save)
     write(arguments.out / "policy.zip", model.save)
     write(arguments.out / "scaling.pkl", env.save)
-    print(f"wrote episodes.csv, curve.png, policy.zip and scaling.pkl to {arguments.out}")
+    write(arguments.out / "episodes.csv", lambda path: write_csv(path, rows))
+    if rows:  # at least one episode has ended
+        title = f"PPO, {arguments.task}, {arguments.object} {arguments.target or ''}, seed {arguments.seed}"
+        write(arguments.out / "curve.png", draw_curves(rows, title).save)
+    print(f"wrote policy.zip, scaling.pkl, episodes.csv{', curve.png' * bool(rows)} to {arguments.out}")
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ GAMMA, TAU, BATCH, RATE = 0.95, 0.005, 128, 3e-4
 ENTROPY = -0.3  # that actions shall have, for each number: a standard deviation of some 0.18
 SCALE = 1 - GAMMA  # of rewards: values are then means of rewards
 FIRST_STEPS = 4000  # of random actions
-NEW_LEVELS = range(1_000_000, 1_000_100)  # to measure on; training draws its levels from 2^31
+NEW_LEVELS = range(1_000_000, 1_000_100)  # to measure on; training draws from 2^31 levels, hardly ever these
 LOG_2 = float(np.log(2.0))
 
 

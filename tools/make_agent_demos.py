@@ -43,6 +43,12 @@ def main(arguments: list[str]) -> int:
     try:
         check(options.objects >= 0, f"--objects must be at least 0, not {options.objects}")
         check(options.per_object >= 1, f"--per-object must be at least 1, not {options.per_object}")
+        asked = {row["asked for"] for row in read_rows(options.page.parent / TABLE, CSV_HEAD)}
+        check(
+            asked <= {str(options.per_object)},
+            f"the table has agents of whom {', '.join(sorted(asked))} demonstrations were asked, not "
+            f"{options.per_object}: name another --page and --work",
+        )
         first = sorted(trained_on(MANY_TASK))[: options.objects]
         agents = [Policy(ONE, MANY_TASK, (name,), target, options.algorithm, 0) for name, target, _ in first]
         succeeded = in_pool(lambda agent: run(agent, options), agents, options.jobs)
@@ -68,8 +74,7 @@ def make_parser() -> argparse.ArgumentParser:
 
 def run(agent: Policy, options: argparse.Namespace) -> bool:
     """Train and measure an agent and have it demonstrate, as far as that is missing; return whether all worked."""
-    told = argparse.Namespace(work=options.work, steps=None, set=[])
-    return make_rl_tables.run(agent, told) and demonstrate(agent, options.work, options.per_object)
+    return make_rl_tables.run(agent, options.work) and demonstrate(agent, options.work, options.per_object)
 
 
 def demonstrate(agent: Policy, work: Path, per_object: int) -> bool:
@@ -124,15 +129,13 @@ def collect_command(agent: Policy, work: Path, per_object: int) -> list[str]:
 
 
 def write_table(agents: Sequence[Policy], options: argparse.Namespace) -> None:
-    """Write the CSV file, with its rows of other agents, if as much was asked of these; and the page's table.
+    """Write the CSV file, with its rows of other agents, and the page's table.
 
     Raises:
         ConfigError: the page cannot be read, or lacks the marks; the CSV file has other columns.
     """
     path = options.page.parent / TABLE
-    asked = str(options.per_object)
-    known = [row for row in read_rows(path, CSV_HEAD) if row["asked for"] == asked]
-    known += [row_of(agent, options.work) for agent in agents]
+    known = [*read_rows(path, CSV_HEAD), *(row_of(agent, options.work) for agent in agents)]
     found = {(row["algorithm"], row["object"]): row for row in known}  # the new ones last: they stay
     rows = [found[key] for key in sorted(found)]
     write_rows(path, [CSV_HEAD, *([row[name] for name in CSV_HEAD] for row in rows)])

@@ -2,8 +2,9 @@
 
 `one`: a policy per object and seed. `many`: one over 1, 5, 10, 20 or 25 cabinets. Their states say where handles
 are (`state.handle`), or are what the base sees of free objects (`state.relative`); `plain` is `many` with the
-paper's state. With `--algorithm sac-expert`, an expert takes over in some training episodes. Each is trained, then
-measured on new levels, by printed commands of `artiskill`. Whatever ends this script, the same command goes on.
+paper's state. With `--algorithm sac-expert`, an expert takes over in some training episodes. Policies of which
+`--set` or `--steps` change values have rows of their own. Each is trained, then measured on new levels, by printed
+commands of `artiskill`. Whatever ends this script, the same command goes on.
 Finished runs stay in docs/data/reinforcement.csv, also without the work folder; the tables are made from it.
 """
 
@@ -33,21 +34,22 @@ BEGIN, END = "<!-- made by tools/make_rl_tables.py -->", "<!-- end of the tables
 ONE, MANY, PLAIN = TABLES = ("one", "many", "plain")
 CABINETS = ("OpenCabinetDoor", "OpenCabinetDrawer")
 CABINET_VALUES, PLAIN_VALUES = ["config.state.handle=true"], ["config.state.handle=false"]
-FREE_OBJECT_VALUES = ["config.state.relative=true", "algorithm.gamma=0.98"]
+FREE_OBJECT_VALUES = ["config.state.relative=true"]
 WITH_EXPERT = "sac-expert"
 ALGORITHMS = ("sac", "ppo", WITH_EXPERT)
 # what is set where no expert helps, and where one does; with noise, two hands drop what they carry
 NO_EXPERT = ["algorithm.expert_share=0", "algorithm.action_entropy=-0.3"]
 EXPERT_OF_CABINETS = ["algorithm.expert_share=0.25"]
 EXPERT_OF_FREE_OBJECTS = ["algorithm.expert_share=0.5", "algorithm.action_entropy=-3"]
+FREE_OBJECT_SAC = ["algorithm.gamma=0.98"]
 COUNTS, MANY_TASK = (1, 5, 10, 20, 25), "OpenCabinetDrawer"
 PAPER_MANY = {1: "100 %", 5: "82 %", 10: "2 %", 20: "0 %"}  # the ManiSkill paper, SAC, 10^6 steps
-CSV_HEAD = ["table", "task", "objects", "target", "algorithm", "seed", "steps", "minutes"]
-CSV_HEAD += ["measured on", "episodes", "successes"]
-KEY = [*CSV_HEAD[:6], "measured on"]
+POLICY = ["table", "task", "objects", "target", "algorithm", "changed", "seed"]
+CSV_HEAD = [*POLICY, "steps", "minutes", "measured on", "episodes", "successes"]
 STATES = {MANY: "with the handle", PLAIN: "the paper's"}
-FIRST_LEVEL = 1_000_000  # training draws from 2^31
-BATCH = 256  # of `sac` with many cabinets, of which each is then met in most batches
+FIRST_LEVEL = 1_000_000  # training draws from 2^31 levels, so it hardly ever meets these
+# of `sac` with many cabinets, of which each is then met in most batches
+MANY_VALUES = ["algorithm.batch_size=256", "steps=500000"]
 EPISODES = {ONE: 100, MANY: 10, PLAIN: 10}  # on each object
 GRADED = {"OpenCabinetDoor": 3, "OpenCabinetDrawer": 3, "PushChair": 1, "MoveBucket": 1}  # objects of table `one`
 
@@ -61,6 +63,7 @@ class Policy(NamedTuple):
     target: str  # empty: each episode draws one
     algorithm: str
     seed: int
+    changed: tuple[str, ...] = ()  # KEY=VALUE
 
     @property
     def name(self) -> str:
@@ -69,13 +72,14 @@ class Policy(NamedTuple):
 
     def folder(self, work: Path) -> Path:
         """Where it is trained and measured."""
-        return work / self.table / self.task / self.name / self.algorithm / f"seed-{self.seed}"
+        changed = [",".join(self.changed)] * bool(self.changed)
+        return Path(work, self.table, self.task, self.name, self.algorithm, *changed, f"seed-{self.seed}")
 
     @property
     def values(self) -> dict[str, str]:
         """What rows of CSV files begin with."""
-        told = (self.table, self.task, self.name, self.target, self.algorithm, str(self.seed))
-        return dict(zip(CSV_HEAD[:6], told, strict=True))
+        told = (self.table, self.task, self.name, self.target, self.algorithm, " ".join(self.changed), self.seed)
+        return dict(zip(POLICY, map(str, told), strict=True))
 
     @property
     def splits(self) -> dict[str, tuple[str, ...]]:
@@ -88,7 +92,7 @@ def main(arguments: list[str]) -> int:
     options = make_parser().parse_args(arguments)
     try:
         policies = list(wanted(options))
-        succeeded = in_pool(lambda one: run(one, options), policies, options.jobs)
+        succeeded = in_pool(lambda one: run(one, options.work), policies, options.jobs)
         write_tables(policies, options.work, options.page)
     except ArtiSkillError as error:
         print(f"error: {error}", file=sys.stderr)
@@ -122,14 +126,15 @@ def make_parser() -> argparse.ArgumentParser:
 
 def wanted(options: argparse.Namespace) -> Iterator[Policy]:
     """Yield the first seed of everything first."""
+    changed = (*([f"steps={options.steps}"] if options.steps else []), *options.set)
     for seed in options.seeds:
         for task in options.tasks if ONE in options.tables else ():
             for name, target in graded(task):
-                yield Policy(ONE, task, (name,), target, options.algorithm, seed)
+                yield Policy(ONE, task, (name,), target, options.algorithm, seed, changed)
         for table in [name for name in (MANY, PLAIN) if name in options.tables]:
             for count in options.counts:
                 names = tuple(name for name, _, _ in sorted(trained_on(MANY_TASK)))[:count]
-                yield Policy(table, MANY_TASK, names, "", options.algorithm, seed)
+                yield Policy(table, MANY_TASK, names, "", options.algorithm, seed, changed)
 
 
 def trained_on(task: str) -> list[tuple[str, str, int]]:
@@ -151,31 +156,32 @@ def graded(task: str) -> list[tuple[str, str]]:
     return [(found[place][0], found[place][1] if is_cabinet else "") for place in places]
 
 
-def run(policy: Policy, options: argparse.Namespace) -> bool:
+def run(policy: Policy, work: Path) -> bool:
     """Train and measure a policy, as far as that is missing; return whether all commands succeeded."""
-    folder = policy.folder(options.work)
-    reports = {folder / split: evaluate_command(policy, split, options.work) for split in policy.splits}
-    return finish(folder, train_command(policy, options), reports)
+    folder = policy.folder(work)
+    reports = {folder / split: evaluate_command(policy, split, work) for split in policy.splits}
+    return finish(folder, train_command(policy, work), reports)
 
 
-def train_command(policy: Policy, options: argparse.Namespace) -> list[str]:
+def train_command(policy: Policy, work: Path) -> list[str]:
     """Return the command that trains."""
     algorithm = policy.algorithm.partition("-")[0]
     command = ["train", algorithm, "--task", policy.task, "--objects", *policy.objects]
-    command += ["--out", str(policy.folder(options.work) / "run"), "--seed", str(policy.seed), "--threads", "1"]
+    command += ["--out", str(policy.folder(work) / "run"), "--seed", str(policy.seed), "--threads", "1"]
     command += ["--target", policy.target] if policy.target else []
-    command += ["--steps", str(options.steps)] if options.steps else []
-    return [*command, "--set", *values_of(policy), *options.set]
+    values = {one.partition("=")[0]: one for one in (*values_of(policy), *policy.changed)}
+    return [*command, "--set", *values.values()]
 
 
 def values_of(policy: Policy) -> list[str]:
-    """Return what is set of a policy, also where it is the default of its task."""
+    """Return what is set of a policy, also where it is the default of its task, but for what is changed of it."""
     algorithm, is_cabinet = policy.algorithm.partition("-")[0], policy.task in CABINETS
     values = PLAIN_VALUES if policy.table == PLAIN else CABINET_VALUES if is_cabinet else FREE_OBJECT_VALUES
     if algorithm == "sac":
         expert = EXPERT_OF_CABINETS if is_cabinet else EXPERT_OF_FREE_OBJECTS
         values = values + (expert if policy.algorithm == WITH_EXPERT else NO_EXPERT)
-    return values + [f"algorithm.batch_size={BATCH}"] * (policy.table != ONE and algorithm == "sac")
+        values = values + ([] if is_cabinet else FREE_OBJECT_SAC) + (MANY_VALUES if policy.table != ONE else [])
+    return values
 
 
 def evaluate_command(policy: Policy, split: str, work: Path) -> list[str]:
@@ -211,7 +217,7 @@ def curves_of(policies: Sequence[Policy], work: Path) -> Iterator[dict[str, str]
                 counted.setdefault(row["step"], []).append((int(row["episodes"]), int(row["successes"])))
         for step, counts in counted.items():
             totals = (str(sum(one)) for one in zip(*counts, strict=True))
-            yield policy.values | dict(zip(curves.CSV_HEAD[6:], (step, *totals), strict=True))
+            yield policy.values | dict(zip(curves.CSV_HEAD[7:], (step, *totals), strict=True))
 
 
 def write_tables(policies: Sequence[Policy], work: Path, page: Path) -> None:
@@ -220,8 +226,8 @@ def write_tables(policies: Sequence[Policy], work: Path, page: Path) -> None:
     Raises:
         ConfigError: the page cannot be read, or lacks the marks; a CSV file has other columns.
     """
-    rows = merge(page.parent / TABLE, CSV_HEAD, KEY, rows_of(policies, work))
-    measured = merge(page.parent / CURVES, curves.CSV_HEAD, curves.CSV_HEAD[:7], curves_of(policies, work))
+    rows = merge(page.parent / TABLE, CSV_HEAD, [*POLICY, "measured on"], rows_of(policies, work))
+    measured = merge(page.parent / CURVES, curves.CSV_HEAD, curves.CSV_HEAD[:8], curves_of(policies, work))
     write_between(page, BEGIN, END, tables_text(rows))
     if measured:  # last: it needs Matplotlib
         curves.draw(measured, page.parent / PICTURE)
@@ -231,7 +237,7 @@ def merge(path: Path, head: list[str], key: list[str], new: Iterator[dict[str, s
     """Add rows to a CSV file, in place of all of the same policies; return all of them, in the order of keys."""
 
     def policy_of(row: dict[str, str]) -> list[str]:
-        return [row[name] for name in CSV_HEAD[:6]]
+        return [row[name] for name in POLICY]
 
     added = list(new)
     anew = [policy_of(row) for row in added]
@@ -248,37 +254,46 @@ def _by_number(key: Iterable[str]) -> list[tuple[int, str]]:
 def tables_text(rows: Sequence[dict[str, str]]) -> str:
     """Return the tables: of one object, and of many."""
     one = [row for row in rows if row["table"] == ONE]
-    cells = sorted({tuple(row[name] for name in ("task", "objects", "target", "algorithm")) for row in one})
-    first = []
-    for cell in cells:
-        chosen = [row for row in one if tuple(row[name] for name in CSV_HEAD[1:5]) == cell]
-        first.append([*cell[:2], cell[2] or "any", cell[3], *_measured(chosen)])
+    first = [
+        [task, name, target or "any", _algorithm(*how), *_measured(chosen)]
+        for (task, name, target, *how), chosen in _grouped(one, POLICY[1:6])
+    ]
     many, second = [row for row in rows if row["table"] in STATES], []
-    for table, algorithm, count in sorted({(row["table"], row["algorithm"], int(row["objects"])) for row in many}):
-        key = (table, algorithm, str(count))
-        chosen = [row for row in many if (row["table"], row["algorithm"], row["objects"]) == key]
+    for (table, name, *how), chosen in _grouped(many, ["table", "objects", "algorithm", "changed"]):
         sides = {split: [row for row in chosen if row["measured on"] == split] for split in ("new", "test")}
         rates = [", ".join(_rates(side)) for side in sides.values()]
-        paper, cost = PAPER_MANY.get(count, ""), _measured(sides["new"])[1:]
-        second.append([str(count), STATES[table], algorithm, *rates, paper, *cost])
-    head = ["task", "object", "target", "algorithm", "solved, by seed", "million steps", "minutes of a core"]
+        paper, cost = PAPER_MANY.get(int(name), ""), _measured(sides["new"])[1:]
+        second.append([name, STATES[table], _algorithm(*how), *rates, paper, *cost])
+    costs = ["million steps, by seed", "minutes of a core"]
+    head = ["task", "object", "target", "algorithm", "solved, by seed", *costs]
     parts = ["Nothing is measured yet."] if not rows else []
     parts += [markdown(head, first)] * bool(first)
-    head = ["cabinets", "state", "algorithm", "solved, by seed", "test cabinets", "ManiSkill paper", *head[5:]]
+    head = ["cabinets", "state", "algorithm", "solved, by seed", "test cabinets", "ManiSkill paper", *costs]
     return "\n\n".join([*parts, *[markdown(head, second)] * bool(second)])
 
 
+def _grouped(
+    rows: Sequence[dict[str, str]], names: Sequence[str]
+) -> Iterator[tuple[list[str], list[dict[str, str]]]]:
+    """Yield what rows have in common, and these rows by seed, in the order of what they have in common."""
+    keys = sorted({tuple(row[name] for name in names) for row in rows}, key=_by_number)
+    for key in keys:
+        members = [row for row in rows if tuple(row[name] for name in names) == key]
+        yield list(key), sorted(members, key=lambda row: int(row["seed"]))
+
+
+def _algorithm(name: str, changed: str) -> str:
+    return f"{name}, {changed}" if changed else name
+
+
 def _measured(rows: Sequence[dict[str, str]]) -> list[str]:
-    """Return the rates by seed, millions of steps, and minutes."""
-    steps = sorted({f"{int(row['steps']) / 1e6:.2g}" for row in rows})
-    minutes = sorted(float(row["minutes"]) for row in rows)
-    span = " to ".join(dict.fromkeys(f"{one:.0f}" for one in (*minutes[:1], *minutes[-1:])))
-    return [", ".join(_rates(rows)), ", ".join(steps), span]
+    """Return the rates, millions of steps and minutes of rows."""
+    steps = [f"{int(row['steps']) / 1e6:.2g}" for row in rows]
+    return [", ".join(_rates(rows)), ", ".join(steps), ", ".join(f"{float(row['minutes']):.0f}" for row in rows)]
 
 
 def _rates(rows: Sequence[dict[str, str]]) -> list[str]:
-    ordered = sorted(rows, key=lambda row: int(row["seed"]))
-    return [f"{int(row['successes']) / int(row['episodes']):.0%}" for row in ordered]
+    return [f"{int(row['successes']) / int(row['episodes']):.0%}" for row in rows]
 
 
 if __name__ == "__main__":

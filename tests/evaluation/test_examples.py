@@ -31,7 +31,7 @@ SAYS = {
     "01_first_steps.py": ("open link_", "reward "),
     "02_expert.py": ("approach", "pull", ": solved after"),
     "03_evaluate_your_policy.py": ("expert: 100% solved", "solution_example.py: 0% solved", "Sway: 0% solved"),
-    "04_train_ppo.py": ("0% solved", "wrote episodes.csv, curve.png"),
+    "04_train_ppo.py": ("0% solved", "wrote policy.zip, scaling.pkl, episodes.csv, curve.png"),
     "05_train_ppo_many.py": ("4 environments, 10 objects", "saved many"),
     "06_demonstrations.py": ("12 demonstrations of", "solved: True, 1200 points"),
     "07_train_sac.py": ("% of 100 new levels solved",),

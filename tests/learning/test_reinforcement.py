@@ -24,7 +24,7 @@ from artiskill.learning.checkpoints import read_content
 from artiskill.learning.reinforcement import Run, reinforce
 from artiskill.learning.reinforcement_config import load_reinforcement_config
 from artiskill.learning.reinforcement_models import load_model_state, model_state
-from artiskill.learning.run import BEST, LATEST, load_run
+from artiskill.learning.run import BEST, LATEST, Table, load_run
 
 TASK, OBJECT = "OpenCabinetDrawer", "cabinet-0003"
 TINY: dict[str, Any] = {
@@ -171,7 +171,7 @@ def test_success_ends_training_episodes_as_configured(name: str, ends: bool, tmp
     assert load_reinforcement_config(name, TASK).terminate_on_success is ends
     for wanted in (True, False):
         run = reinforce(tiny(name, terminate_on_success=wanted), tmp_path / f"{wanted}")
-        made = [run._make_env(2, is_evaluation) for is_evaluation in (False, True)]
+        made: list[Any] = [run._scaled.unwrapped, run._make_env(2, is_evaluation=True)]
         assert [env._episodes.end_at_success for env in made] == [wanted, True]
 
 
@@ -187,7 +187,6 @@ def test_critics_with_layer_norm(tmp_path: Path) -> None:
     )
     count = [sum(leaf.numel() for leaf in model_state(run.model)["qf_state"]) for run in (plain, normed)]
     assert count[1] > count[0]
-    assert not equal(weights(tmp_path / "False"), weights(tmp_path / "True"))
 
 
 def test_the_policy_acts_as_the_library_does(tmp_path: Path) -> None:
@@ -249,6 +248,35 @@ def test_killed_runs_go_on(tmp_path: Path) -> None:
         reinforce(config, out, on_start=starts.append, on_step=stop)
     assert starts == [stands]
     assert read_content(out / LATEST)["state"]["step"] > stands
+
+
+def test_a_signal_while_success_is_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A checkpoint is saved, and the measurement made again."""
+    config = tiny("ppo", **{"evaluation.every": 200})
+    reinforce(config, tmp_path / "whole")
+    act_all = reinforcement.StatePolicy.act_all
+
+    def interrupted(policy: Any, observations: Any) -> Any:
+        signal.raise_signal(signal.SIGINT)
+        return act_all(policy, observations)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(reinforcement.StatePolicy, "act_all", interrupted)
+        with pytest.raises(KeyboardInterrupt, match="interrupted after step 240, which is saved"):
+            reinforce(config, tmp_path / "begun")
+    reinforce(config, tmp_path / "begun")
+    assert equal(weights(tmp_path / "whole"), weights(tmp_path / "begun"))
+    found = [(tmp_path / name / "development.csv").read_bytes() for name in ("whole", "begun")]
+    assert found[0] == found[1]
+
+
+def test_each_object_is_measured(tmp_path: Path) -> None:
+    objects = [OBJECT, "cabinet-0002", "cabinet-0007"]  # of two episodes that are asked for
+    run = reinforce(tiny("ppo", objects=objects, target=None, steps=80), tmp_path)
+    assert run.episodes == 3
+    rows = Table(tmp_path / "development.csv", 10**9).rows
+    assert [(row["object"], row["episodes"]) for row in rows] == [(name, "1") for name in objects]
+    assert Table(tmp_path / "metrics.csv", 10**9).rows, "also of a run that is shorter than `log_every`"
 
 
 def test_damaged_and_foreign_folders_are_refused(tmp_path: Path) -> None:

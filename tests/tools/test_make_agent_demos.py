@@ -85,6 +85,7 @@ def test_what_is_finished_is_not_run_again(tmp_path: Path, commands: list[list[s
     assert names(commands) == ["demos collect", "demos stats", "demos verify"]
     assert run(tmp_path, "--objects", "-1") == 2
     assert run(tmp_path, "--per-object", "0") == 2
+    assert run(tmp_path, "--per-object", "7") == 2, "the table has rows of 300"
     commands.clear()
     shutil.rmtree(tmp_path / "work")
     assert run(tmp_path, "--objects", "0") == 0

@@ -55,10 +55,10 @@ def test_finished_runs_stay_in_the_tables(tmp_path: Path, commands: list[list[st
     assert run(tmp_path, *first) == 0
     assert commands == []
     name, target = graded("OpenCabinetDrawer")[0]
-    assert f"| OpenCabinetDrawer | {name} | {target} | sac | 50%, 50% | 2 | 10 |" in _page(tmp_path)
+    assert f"| OpenCabinetDrawer | {name} | {target} | sac | 50%, 50% | 2, 2 | 10, 10 |" in _page(tmp_path)
     measured = (tmp_path / "data" / "reinforcement_curves.csv").read_text().splitlines()
     assert len(measured) == 1 + 3 * 2 * 2
-    assert f"one,OpenCabinetDrawer,{name},{target},sac,1,9,10,3" in measured
+    assert f"one,OpenCabinetDrawer,{name},{target},sac,,1,9,10,3" in measured
     shutil.rmtree(tmp_path / "work")
     assert run(tmp_path, "--tables", "many", "--counts", "5", "--seeds", "0") == 0
     assert len(commands) == 3
@@ -92,12 +92,32 @@ def test_runs_that_an_expert_helps_have_rows_of_their_own(tmp_path: Path, comman
     assert {"algorithm.expert_share=0.5", "algorithm.action_entropy=-3", "config.state.relative=true"} <= {*values}
 
 
+def test_what_is_changed_has_rows_of_its_own(tmp_path: Path, commands: list[list[str]]) -> None:
+    asked = ("--tables", "many", "--counts", "20", "--seeds", "0")
+    changes: list[tuple[str, ...]] = [(), ("--set", "normalise=false"), ("--steps", "7", "--set", "envs=4")]
+    for changed in changes:
+        commands.clear()
+        assert run(tmp_path, *asked, *changed) == 0
+        assert len(commands) == 3
+    assert {"steps=7", "envs=4", "algorithm.batch_size=256"} <= {*commands[0]}
+    assert "steps=500000" not in commands[0]
+    page = _page(tmp_path)
+    for changed_text in ("", ", normalise=false", ", steps=7 envs=4"):
+        assert f"| 20 | with the handle | sac{changed_text} | 50% | 50% | 0 % | 2 | 10 |" in page
+    commands.clear()
+    assert run(tmp_path, *asked, "--set", "normalise=false") == 0
+    assert commands == []
+
+
 @pytest.mark.parametrize("task", TASKS)
 def test_the_table_measures_the_defaults_of_each_task(task: str) -> None:
     algorithm = "sac" if task == "OpenCabinetDrawer" else "sac-expert"
     measured = values_of(Policy("one", task, (graded(task)[0][0],), "", algorithm, 0))
     asked = {key: yaml.safe_load(value) for key, value in (one.split("=") for one in measured)}
     assert load_reinforcement_config("sac", task, asked) == load_reinforcement_config("sac", task)
+    of_ppo = values_of(Policy("one", task, (graded(task)[0][0],), "", "ppo", 0))
+    asked = {key: yaml.safe_load(value) for key, value in (one.split("=") for one in of_ppo)}
+    assert load_reinforcement_config("ppo", task, asked) == load_reinforcement_config("ppo", task)
     steps = {"OpenCabinetDrawer": 400_000, "OpenCabinetDoor": 600_000}
     assert load_reinforcement_config("sac", task).steps == steps.get(task, 1_000_000)
 

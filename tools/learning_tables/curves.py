@@ -9,9 +9,9 @@ import numpy as np
 from artiskill.bench.report import COLORS, figure_class
 from artiskill.files import atomic_write
 
-CSV_HEAD = ["table", "task", "objects", "target", "algorithm", "seed", "step", "episodes", "successes"]
+CSV_HEAD = ["table", "task", "objects", "target", "algorithm", "changed", "seed", "step", "episodes", "successes"]
 _PANEL = ("table", "task")
-_LINE = ("objects", "target", "algorithm")
+_LINE = ("objects", "target", "algorithm", "changed")
 _WIDTH_IN, _HEIGHT_IN, _DPI = 3.6, 3.6, 110  # with legends below the axes
 _COLUMNS = 3  # of panels
 

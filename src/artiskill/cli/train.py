@@ -20,6 +20,8 @@ if TYPE_CHECKING:  # imports that `artiskill --help` must not wait for
     from artiskill.learning.train_config import TrainConfig
     from artiskill.learning.trainer import Develop, Trainer
 
+_FIRST_NEW_LEVEL = 1_000_000  # runs of `sac` and `ppo` with small seeds have played the first levels
+
 _EPILOG = """examples:
   artiskill train bc --task OpenCabinetDrawer --data training/drawers --out runs/drawer-bc
   artiskill train bc --task PushChair --data demos/chairs --out runs/chair-bc --points 512 --frame robot
@@ -156,13 +158,14 @@ def _run_reinforcement(arguments: argparse.Namespace) -> None:
     except KeyboardInterrupt as interrupt:
         command = shlex.join(["artiskill", *sys.argv[1:]])
         raise KeyboardInterrupt(f"{interrupt or 'interrupted'}; go on with: {command}") from interrupt
-    state, episodes = run.state, config.evaluation.episodes
+    state = run.state
     print(f"trained: {arguments.out}, {state.step} steps in {state.seconds:.0f} s")
     if run.is_solved:
         wanted = f"{config.evaluation.stop_after} times {config.evaluation.success_threshold:.0%} in a row"
         print(f"ended: success reached {wanted}; evaluation.stop_after=0 goes on to the end of the steps")
-    print(f"best: step {state.best_step}, {state.best_successes} of {episodes} episodes on new levels solved")
+    print(f"best: step {state.best_step}, {state.best_successes} of {run.episodes} episodes on new levels solved")
     named = " ".join(config.objects) + (f" --target {config.target}" if config.target else "")
+    named += f" --first-level {_FIRST_NEW_LEVEL}"
     print(f"measure it: artiskill evaluate --policy {arguments.out} --objects {named}")
 
 

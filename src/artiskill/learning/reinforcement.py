@@ -201,7 +201,7 @@ class Run:
             f"{config.name}, {config.task}: {named}{target}, from the state"
             + (takes_over if config.expert_share else ""),
             f"{config.envs} environments, {config.steps} steps; {count_parameters(self.model)} parameters",
-            f"success in {measured.episodes} episodes on new levels every {measured.every} steps chooses the "
+            f"success in {self.episodes} episodes on new levels every {measured.every} steps chooses the "
             "checkpoint"
             + (f"; {ends} times {measured.success_threshold:.0%} in a row end the run" if ends else ""),
         ]
@@ -230,6 +230,9 @@ class Run:
         """
         with self._stop, Records(self._folder, self.state, True) as records:
             loop = _Loop(self, records, on_step)
+            every = self.config.evaluation.every
+            if self.state.developed // every < self.state.step // every:  # a signal ended the measurement
+                self.develop(records)
             if self.state.step < self.config.steps and not self.is_solved:
                 loop.begin()
                 with suppress(_Solved):
@@ -237,13 +240,20 @@ class Run:
                         self.config.steps - self.state.step, loop, log_interval=None, reset_num_timesteps=False
                     )
                     loop.end_iteration()
+                if self.state.sums:
+                    loop.log()
             if self.state.developed < self.state.step:
                 self.develop(records)
             if self._saved_step != self.state.step:
                 self.save()
 
     def develop(self, records: Records) -> None:
-        """Measure success on new levels; the best weights so far are kept."""
+        """Measure success on new levels; the best weights so far are kept.
+
+        Raises:
+            OSError: a file cannot be written.
+            KeyboardInterrupt: a signal came; a checkpoint was saved.
+        """
         found = self.evaluate()
         successes = sum(row[2] for row in found)
         self.state.developed = self.state.step
@@ -252,21 +262,25 @@ class Run:
             self.state.best_step, self.state.best_successes = self.state.step, successes
             write_content(self._folder / BEST, {"state": dict(vars(self.state)), "acting": self.acting})
         records.add_development(self.state, found)
-        self.save()
+
+    @property
+    def episodes(self) -> int:
+        """How many a measurement has: at least one on each object."""
+        return max(self.config.evaluation.episodes, len(self.info.objects))
 
     @property
     def is_solved(self) -> bool:
         """Whether the latest measurements end the run."""
         wanted, measured = self.config.evaluation, self.state.measured
-        reach = [one / wanted.episodes >= wanted.success_threshold for one in measured[-wanted.stop_after :]]
+        reach = [one / self.episodes >= wanted.success_threshold for one in measured[-wanted.stop_after :]]
         return 0 < wanted.stop_after <= len(reach) and all(reach)
 
     def evaluate(self) -> list[tuple[str, int, int]]:
         """Return a row of object, episodes and successes each, of deterministic actions on new levels."""
-        wanted, policy = self.config.evaluation, StatePolicy.of(self.acting)
-        env = self._make_env(wanted.episodes, True)
-        objects = [self.info.objects[i % len(self.info.objects)] for i in range(wanted.episodes)]
-        levels = list(range(wanted.first_level, wanted.first_level + wanted.episodes))
+        first, policy = self.config.evaluation.first_level, StatePolicy.of(self.acting)
+        env = self._make_env(self.episodes, True)
+        objects = [self.info.objects[i % len(self.info.objects)] for i in range(self.episodes)]
+        levels = list(range(first, first + self.episodes))
         given = resolve_objects(list(self.config.objects), task=self.config.task)
         found = dict(zip(self.info.objects, given, strict=True))
         observations, _ = env.reset(options={"level": levels, "object": [found[name] for name in objects]})
@@ -275,7 +289,7 @@ class Run:
             observations, _, terminated, truncated, _ = env.step(policy.act_all(observations))
             solved |= terminated & ~over
             over |= terminated | truncated
-            self._stop.check()
+            self.check_stop()
         env.close()
         return [
             (name, objects.count(name), int(sum(solved[i] for i, one in enumerate(objects) if one == name)))
@@ -311,6 +325,13 @@ class Run:
         """
         write_checkpoint(self._folder, self.state, self.acting, self.model, self._scaled.unwrapped)
         self._saved_at, self._saved_step = time.perf_counter(), self.state.step
+
+    def check_stop(self) -> None:
+        """Save a checkpoint and raise `KeyboardInterrupt`, if a signal came."""
+        if self._stop.is_set:
+            if self._saved_step != self.state.step:
+                self.save()
+            raise KeyboardInterrupt(f"interrupted after step {self.state.step}, which is saved")
 
     def is_due(self, before: int, every: int) -> bool:
         """Whether a multiple of `every` steps was reached since the step `before`."""
@@ -372,26 +393,24 @@ class _Loop(BaseCallback):
                 self._add(what, float(value), 1)
         run.model.logger.name_to_value.clear()
         if run.is_due(before, config.log_every):
-            self._log()
+            self.log()
         if run.is_due(before, config.evaluation.every):
             run.develop(self._records)
-        elif run.is_due(before, config.checkpoint_every) or now - run._saved_at > _CHECKPOINT_S:
+        if run.is_due(before, config.checkpoint_every) or now - run._saved_at > _CHECKPOINT_S:
             run.save()
         self._report(min(state.step, config.steps), self._text)
-        if run._stop.is_set:
-            if run._saved_step != state.step:
-                run.save()
-            raise KeyboardInterrupt(f"interrupted after step {state.step}, which is saved")
+        run.check_stop()
         if run.is_solved:
             raise _Solved
         self.begin()
 
-    def _log(self) -> None:
+    def log(self) -> None:
+        """Write a row of means since the one before."""
         state = self._run.state
         means = {name: total / count for name, (total, count) in sorted(state.sums.items())}
         state.sums = {}
         self._records.add_means(state, means, self._run.config.values.learning_rate)
         solved = f", {means['success']:.0%} solved in training" if "success" in means else ""
         best = state.best_successes
-        measured = f", best {best} of {self._run.config.evaluation.episodes}" if best >= 0 else ""
+        measured = f", best {best} of {self._run.episodes}" if best >= 0 else ""
         self._text = f"reward {means.get('reward', float('nan')):.2f} a step{solved}{measured}"

@@ -5,7 +5,6 @@ buffer, the environments and the generators. The second is written first; the fi
 that is killed in between goes on from the checkpoint before.
 """
 
-import io
 import pickle
 import random
 from pathlib import Path
@@ -15,7 +14,6 @@ import numpy as np
 import torch
 
 from artiskill.errors import RunError
-from artiskill.files import read_bytes
 from artiskill.learning.checkpoints import TrainState, read_content, write_content
 from artiskill.learning.reinforcement_models import load_model_state, model_state
 from artiskill.learning.run import LATEST, write_whole
@@ -63,7 +61,8 @@ def write_checkpoint(
         going_on["buffer"] = {name: getattr(buffer, name)[:count] for name in _BUFFER}
         going_on["place"] = buffer.pos, buffer.full
     path = folder / LATEST
-    write_whole(_beside(path, state.step), pickle.dumps(going_on, protocol=5))
+    # into the file: a replay buffer of a million steps is nearly a gigabyte
+    write_whole(_beside(path, state.step), lambda file: pickle.dump(going_on, file, protocol=5))
     write_content(path, {"state": dict(vars(state)), "acting": acting, "model": learned})
     for old in path.parent.glob("going-on-*.pkl"):
         if old != _beside(path, state.step):
@@ -82,7 +81,8 @@ def read_checkpoint(folder: Path) -> tuple[TrainState, dict[str, Any]]:
         raise RunError(f"{str(path)!r} was trained by torch, before SBX: train anew, in another folder")
     try:
         state = TrainState(**content["state"])
-        going_on: dict[str, Any] = pickle.load(io.BytesIO(read_bytes(_beside(path, state.step))))
+        with _beside(path, state.step).open("rb") as file:
+            going_on: dict[str, Any] = pickle.load(file)
     except OSError as error:
         raise RunError(f"cannot read {str(path.parent)!r}: {error.strerror}: {error.filename}") from error
     except (pickle.UnpicklingError, EOFError, LookupError, TypeError, AttributeError, ValueError) as error:

@@ -112,7 +112,7 @@ REINFORCEMENT: Mapping[str, type[SACConfig] | type[PPOConfig]] = {"sac": SACConf
 class EvaluationConfig:
     """How success is measured while training: on new levels of the objects that are trained on."""
 
-    episodes: int  # in all, shared by the objects
+    episodes: int  # in all, shared by the objects; more if there are more objects: one on each
     first_level: int
     every: int  # steps
     success_threshold: float  # share of episodes

@@ -18,11 +18,11 @@ import csv
 import io
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from artiskill.config import from_mapping, to_mapping
 from artiskill.errors import ArtiSkillError, MissingExtraError, PolicyError, RunError, shown
@@ -166,15 +166,18 @@ def check_torch(feature: str) -> None:
         raise MissingExtraError(feature, "learn") from error
 
 
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file that is on the disk before it has its name.
+def write_whole(path: Path, content: bytes | Callable[[BinaryIO], object]) -> None:
+    """Write a file that is on the disk before it has its name: bytes, or what a function writes into it.
 
     Raises:
         OSError: it cannot be written; an earlier one is as it was.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_write(path) as temporary, temporary.open("wb") as file:
-        file.write(content)
+        if isinstance(content, bytes):
+            file.write(content)
+        else:
+            content(file)
         file.flush()
         os.fsync(file.fileno())
 
