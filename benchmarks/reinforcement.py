@@ -1,21 +1,28 @@
-"""Where the time of reinforcement learning goes: simulation, updates, the rest, and how near that is to the best.
+"""Where the time of reinforcement learning goes: simulation, updates, an expert, the rest.
 
-"Best" is what one core does that simulates and updates alone. Beside it, updates of the same sizes by
-Stable-Baselines3, which has them in torch. Seconds are those of the CPU.
+Runs have the defaults of their task. "Alone" is what one core does that simulates and updates, and nothing else.
+Beside it, updates of the same sizes by Stable-Baselines3, which has them in torch. It does not normalise
+critics, so neither side does there. Seconds are those of the CPU.
 """
 
 import argparse
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from time import process_time
 from types import SimpleNamespace
+from unittest.mock import patch
 
 import numpy as np
+import sbx
 import stable_baselines3
 import torch
 
 from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.learning import reinforcement
+from artiskill.learning.expert_takeover import ExpertTakeover
 from artiskill.learning.reinforcement import Run, reinforce
 from artiskill.learning.reinforcement_config import ReinforcementConfig, load_reinforcement_config
 from artiskill.learning.reinforcement_models import make_model
@@ -57,14 +64,37 @@ def update_seconds(run: Run | SimpleNamespace, seconds: float) -> float:
     return (process_time() - start) / count / iteration
 
 
-def torch_update_seconds(run: Run, seconds: float) -> float:
-    """Seconds of Stable-Baselines3's updates for each environment step, with what the run has collected."""
-    model = make_model(run.config, run._normal, {"sac": stable_baselines3.SAC, "ppo": stable_baselines3.PPO})
-    for name in ("replay_buffer", "rollout_buffer"):
-        if hasattr(run.model, name):
-            setattr(model, name, getattr(run.model, name))
-    model.set_logger(run.model.logger)
-    return update_seconds(SimpleNamespace(config=run.config, model=model), seconds)
+def torch_ratio(run: Run, seconds: float) -> float:
+    """How many times as long Stable-Baselines3's updates take, with what the run has collected."""
+    values = {"layer_norm": False} if run.config.name == "sac" else {}
+    config = replace(run.config, algorithm=dict(run.config.algorithm) | values)
+    found = []
+    for kinds in ({"sac": stable_baselines3.SAC, "ppo": stable_baselines3.PPO}, {"sac": sbx.SAC, "ppo": sbx.PPO}):
+        model = make_model(config, run._normal, kinds)
+        for name in ("replay_buffer", "rollout_buffer"):
+            if hasattr(run.model, name):
+                setattr(model, name, getattr(run.model, name))
+        model.set_logger(run.model.logger)
+        measured = SimpleNamespace(config=config, model=model)
+        update_seconds(measured, 1.0)  # compiled by then
+        found.append(update_seconds(measured, seconds))
+    return found[0] / found[1]
+
+
+@contextmanager
+def expert_seconds() -> Iterator[list[float]]:
+    """Yield a list, to which the seconds of each call of an expert are added."""
+    spent: list[float] = []
+    real = ExpertTakeover.replace
+
+    def timed(expert: ExpertTakeover, actions: np.ndarray) -> np.ndarray:
+        start = process_time()
+        found = real(expert, actions)
+        spent.append(process_time() - start)
+        return found
+
+    with patch.object(ExpertTakeover, "replace", timed):
+        yield spent
 
 
 def main() -> None:
@@ -80,22 +110,19 @@ def main() -> None:
     for name in options.algorithms:
         never = {"evaluation.every": 10**9, "checkpoint_every": 10**9, "evaluation.episodes": 1}
         given = {"objects": [options.object], "steps": options.steps, **never}
-        # Stable-Baselines3 does not normalise critics: neither side does
-        given |= {"algorithm.learning_starts": 256, "algorithm.layer_norm": False} if name == "sac" else {}
+        given |= {"algorithm.learning_starts": 256} if name == "sac" else {}
         config = load_reinforcement_config(name, options.task, given)
-        with tempfile.TemporaryDirectory() as folder:
+        with tempfile.TemporaryDirectory() as folder, expert_seconds() as by_expert:
             run = reinforce(config, Path(folder))
             spent, total = run.seconds, run.seconds["total"]
-            rest = total - spent["simulate"] - spent["update"]
+            parts = {"simulation": spent["simulate"], "updates": spent["update"], "expert": sum(by_expert)}
+            parts["rest"] = total - sum(parts.values())
             updates = update_seconds(run, options.seconds)
             best = 1 / (1 / simulation_rate(config, options.seconds) + updates)
-            slower = torch_update_seconds(run, options.seconds) / updates
             rate = run.state.step / total
-            shares = ", ".join(
-                f"{what} {part / total:.0%}"
-                for what, part in (("simulation", spent["simulate"]), ("updates", spent["update"]), ("rest", rest))
-            )
+            shares = ", ".join(f"{what} {part / total:.0%}" for what, part in parts.items())
             print(f"{name}: {rate:.0f} steps/s; {shares}; {rate / best:.0%} of simulating and updating alone")
+            slower = torch_ratio(run, options.seconds)
             print(f"{name}: updates of Stable-Baselines3 take {slower:.1f} times as long")
 
 

@@ -1,7 +1,6 @@
 """Learning curves of reinforcement learning: success on new levels over steps, with the band over seeds."""
 
 from collections.abc import Mapping, Sequence
-from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -11,32 +10,37 @@ from artiskill.files import atomic_write
 
 CSV_HEAD = ["table", "task", "objects", "target", "algorithm", "changed", "seed", "step", "episodes", "successes"]
 _PANEL = ("table", "task")
-_LINE = ("objects", "target", "algorithm", "changed")
+_OBJECTS, _HOW = ("objects", "target"), ("algorithm", "changed")
+_STYLES = ("-", "--", ":", "-.")
 _WIDTH_IN, _HEIGHT_IN, _DPI = 3.6, 3.6, 110  # with legends below the axes
 _COLUMNS = 3  # of panels
 
 
 def draw(rows: Sequence[Mapping[str, str]], path: Path) -> None:
-    """Draw a panel for each table and task, a line for each object or number of objects: the mean over seeds.
+    """Draw a panel for each table and task, with lines that are means over seeds.
+
+    The object, or the number of objects, has a colour; how they are learned has a style of line.
 
     Args:
         rows: of `CSV_HEAD`, at least one.
         path: of the picture.
     """
-    panels = list(dict.fromkeys(tuple(row[name] for name in _PANEL) for row in rows))
+    panels = _distinct(rows, _PANEL)
     columns = min(len(panels), _COLUMNS)
     height = -(-len(panels) // columns)
     size = (columns * _WIDTH_IN, height * _HEIGHT_IN)
     figure = figure_class()(figsize=size, layout="constrained")
     places = figure.subplots(height, columns, sharey=True, squeeze=False).flat
+    hows = _distinct(rows, _HOW)
     for axes, panel in zip(places, panels, strict=False):
-        inside = [row for row in rows if tuple(row[name] for name in _PANEL) == panel]
-        lines = list(dict.fromkeys(tuple(row[name] for name in _LINE) for row in inside))
-        for line, color in zip(lines, cycle(COLORS), strict=False):
-            chosen = [row for row in inside if tuple(row[name] for name in _LINE) == line]
-            steps, rates = curves(chosen)
+        inside = [row for row in rows if _values(row, _PANEL) == panel]
+        objects = _distinct(inside, _OBJECTS)
+        for line in _distinct(inside, (*_OBJECTS, *_HOW)):
+            steps, rates = curves([row for row in inside if _values(row, (*_OBJECTS, *_HOW)) == line])
+            color = COLORS[objects.index(line[:2]) % len(COLORS)]
+            style = _STYLES[hows.index(line[2:]) % len(_STYLES)]
             label = f"{' '.join(filter(None, line))}, {len(rates)} seed{'s' * (len(rates) > 1)}"
-            axes.plot(steps / 1e3, rates.mean(0), color=color, label=label)
+            axes.plot(steps / 1e3, rates.mean(0), color=color, linestyle=style, label=label)
             axes.fill_between(steps / 1e3, rates.min(0), rates.max(0), color=color, alpha=0.2, linewidth=0)
         axes.set(title=", ".join(panel), xlabel="thousand steps", ylim=(-0.02, 1.02))
         axes.legend(fontsize=7, frameon=False, loc="upper left", bbox_to_anchor=(0, -0.19), borderaxespad=0)
@@ -48,6 +52,15 @@ def draw(rows: Sequence[Mapping[str, str]], path: Path) -> None:
     path.parent.mkdir(exist_ok=True)
     with atomic_write(path) as temporary:
         figure.savefig(temporary, dpi=_DPI, format="png")
+
+
+def _values(row: Mapping[str, str], names: Sequence[str]) -> tuple[str, ...]:
+    return tuple(row[name] for name in names)
+
+
+def _distinct(rows: Sequence[Mapping[str, str]], names: Sequence[str]) -> list[tuple[str, ...]]:
+    """Return the different values of some columns, in the order of rows."""
+    return list(dict.fromkeys(_values(row, names) for row in rows))
 
 
 def curves(rows: Sequence[Mapping[str, str]]) -> tuple[np.ndarray, np.ndarray]:
