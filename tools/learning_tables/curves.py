@@ -11,8 +11,10 @@ from artiskill.files import atomic_write
 CSV_HEAD = ["table", "task", "objects", "target", "algorithm", "changed", "seed", "step", "episodes", "successes"]
 _PANEL = ("table", "task")
 _OBJECTS, _HOW = ("objects", "target"), ("algorithm", "changed")
-_STYLES = ("-", "--", ":", "-.")
-_WIDTH_IN, _HEIGHT_IN, _DPI = 3.6, 3.6, 110  # with legends below the axes
+_LINE = (*_OBJECTS, *_HOW)
+_STYLES = ("-", "--", ":", "-.", (0, (6, 1, 1, 1, 1, 1)))
+_WIDTH_IN, _HEIGHT_IN, _DPI = 3.6, 2.9, 110  # of a panel, with the title; the legend comes below
+_LINE_IN, _BELOW_IN = 0.155, 0.4  # of a legend's line; from the axes down to the legend
 _COLUMNS = 3  # of panels
 
 
@@ -25,25 +27,30 @@ def draw(rows: Sequence[Mapping[str, str]], path: Path) -> None:
         rows: of `CSV_HEAD`, at least one.
         path: of the picture.
     """
+    from matplotlib.transforms import ScaledTranslation  # not needed where nothing is drawn
+
     panels = _distinct(rows, _PANEL)
     columns = min(len(panels), _COLUMNS)
     height = -(-len(panels) // columns)
-    size = (columns * _WIDTH_IN, height * _HEIGHT_IN)
+    most = max(len(_distinct([row for row in rows if _values(row, _PANEL) == one], _LINE)) for one in panels)
+    size = (columns * _WIDTH_IN, height * (_HEIGHT_IN + most * _LINE_IN))
     figure = figure_class()(figsize=size, layout="constrained")
     places = figure.subplots(height, columns, sharey=True, squeeze=False).flat
     hows = _distinct(rows, _HOW)
     for axes, panel in zip(places, panels, strict=False):
         inside = [row for row in rows if _values(row, _PANEL) == panel]
         objects = _distinct(inside, _OBJECTS)
-        for line in _distinct(inside, (*_OBJECTS, *_HOW)):
-            steps, rates = curves([row for row in inside if _values(row, (*_OBJECTS, *_HOW)) == line])
+        for line in _distinct(inside, _LINE):
+            steps, rates = curves([row for row in inside if _values(row, _LINE) == line])
             color = COLORS[objects.index(line[:2]) % len(COLORS)]
             style = _STYLES[hows.index(line[2:]) % len(_STYLES)]
             label = f"{' '.join(filter(None, line))}, {len(rates)} seed{'s' * (len(rates) > 1)}"
             axes.plot(steps / 1e3, rates.mean(0), color=color, linestyle=style, label=label)
             axes.fill_between(steps / 1e3, rates.min(0), rates.max(0), color=color, alpha=0.2, linewidth=0)
         axes.set(title=", ".join(panel), xlabel="thousand steps", ylim=(-0.02, 1.02))
-        axes.legend(fontsize=7, frameon=False, loc="upper left", bbox_to_anchor=(0, -0.19), borderaxespad=0)
+        below = axes.transAxes + ScaledTranslation(0, -_BELOW_IN, figure.dpi_scale_trans)
+        place = {"loc": "upper left", "bbox_to_anchor": (0, 0), "bbox_transform": below, "borderaxespad": 0}
+        axes.legend(fontsize=7, frameon=False, **place)
         axes.grid(alpha=0.2)
     for axes in figure.axes[len(panels) :]:
         axes.remove()
