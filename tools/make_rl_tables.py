@@ -22,6 +22,7 @@ from artiskill.jobs.parallel import available_cores
 from learning_tables import curves
 from learning_tables.cells import TASKS
 from learning_tables.commands import finish, in_pool
+from learning_tables.curves import POLICY
 from learning_tables.markdown import write_between
 from learning_tables.results import read_cost, read_measured, read_rows, write_rows
 
@@ -44,7 +45,6 @@ EXPERT_OF_FREE_OBJECTS = ["algorithm.expert_share=0.5", "algorithm.action_entrop
 FREE_OBJECT_SAC = ["algorithm.gamma=0.98"]
 COUNTS, MANY_TASK = (1, 5, 10, 20, 25), "OpenCabinetDrawer"
 PAPER_MANY = {1: "100 %", 5: "82 %", 10: "2 %", 20: "0 %"}  # the ManiSkill paper, SAC, 10^6 steps
-POLICY = ["table", "task", "objects", "target", "algorithm", "changed", "seed"]
 CSV_HEAD = [*POLICY, "steps", "minutes", "measured on", "episodes", "successes"]
 STATES = {MANY: "with the handle", PLAIN: "the paper's"}
 FIRST_LEVEL = 1_000_000  # training draws from 2^31 levels, so it hardly ever meets these
@@ -217,7 +217,7 @@ def curves_of(policies: Sequence[Policy], work: Path) -> Iterator[dict[str, str]
                 counted.setdefault(row["step"], []).append((int(row["episodes"]), int(row["successes"])))
         for step, counts in counted.items():
             totals = (str(sum(one)) for one in zip(*counts, strict=True))
-            yield policy.values | dict(zip(curves.CSV_HEAD[7:], (step, *totals), strict=True))
+            yield policy.values | dict(zip(curves.MEASURED, (step, *totals), strict=True))
 
 
 def write_tables(policies: Sequence[Policy], work: Path, page: Path) -> None:
@@ -227,7 +227,7 @@ def write_tables(policies: Sequence[Policy], work: Path, page: Path) -> None:
         ConfigError: the page cannot be read, or lacks the marks; a CSV file has other columns.
     """
     rows = merge(page.parent / TABLE, CSV_HEAD, [*POLICY, "measured on"], rows_of(policies, work))
-    measured = merge(page.parent / CURVES, curves.CSV_HEAD, curves.CSV_HEAD[:8], curves_of(policies, work))
+    measured = merge(page.parent / CURVES, curves.CSV_HEAD, [*POLICY, "step"], curves_of(policies, work))
     write_between(page, BEGIN, END, tables_text(rows))
     if measured:  # last: it needs Matplotlib
         curves.draw(measured, page.parent / PICTURE)

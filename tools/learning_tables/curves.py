@@ -8,7 +8,9 @@ import numpy as np
 from artiskill.bench.report import COLORS, figure_class
 from artiskill.files import atomic_write
 
-CSV_HEAD = ["table", "task", "objects", "target", "algorithm", "changed", "seed", "step", "episodes", "successes"]
+POLICY = ["table", "task", "objects", "target", "algorithm", "changed", "seed"]  # what a row is of
+MEASURED = ["step", "episodes", "successes"]
+CSV_HEAD = [*POLICY, *MEASURED]
 _PANEL = ("table", "task")
 _OBJECTS, _HOW = ("objects", "target"), ("algorithm", "changed")
 _LINE = (*_OBJECTS, *_HOW)

@@ -93,7 +93,7 @@ def reinforce(
 
 def _info_of(config: ReinforcementConfig, folder: Path) -> RunInfo:
     """Return what the run's folder says of itself, or is to say; what is asked for must fit what is there."""
-    make_task(config.task, config.config)  # before objects are searched for
+    make_task(config.task, config.config)  # illegal values are said first
     objects = resolve_objects(list(config.objects), task=config.task)
     hashes = " ".join(checked_hash(one) for one in objects)
     data = hashlib.sha256(hashes.encode()).hexdigest()
@@ -230,8 +230,7 @@ class Run:
         """
         with self._stop, Records(self._folder, self.state, True) as records:
             loop = _Loop(self, records, on_step)
-            every = self.config.evaluation.every
-            if self.state.developed // every < self.state.step // every:  # a signal ended the measurement
+            if self.is_measurement_due:  # a signal has ended it
                 self.develop(records)
             if self.state.step < self.config.steps and not self.is_solved:
                 loop.begin()
@@ -267,6 +266,11 @@ class Run:
     def episodes(self) -> int:
         """How many a measurement has: at least one on each object."""
         return max(self.config.evaluation.episodes, len(self.info.objects))
+
+    @property
+    def is_measurement_due(self) -> bool:
+        """Whether a multiple of `evaluation.every` steps was reached since the last measurement."""
+        return self.is_due(self.state.developed, self.config.evaluation.every)
 
     @property
     def is_solved(self) -> bool:
@@ -394,7 +398,7 @@ class _Loop(BaseCallback):
         run.model.logger.name_to_value.clear()
         if run.is_due(before, config.log_every):
             self.log()
-        if run.is_due(before, config.evaluation.every):
+        if run.is_measurement_due:
             run.develop(self._records)
         if run.is_due(before, config.checkpoint_every) or now - run._saved_at > _CHECKPOINT_S:
             run.save()
