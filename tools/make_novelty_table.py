@@ -1,13 +1,15 @@
 """Say how new the test objects are: `python tools/make_novelty_table.py`; two minutes.
 
-For each object of `test` and `ood`, the nearest object that policies train on: of the catalogue's `train`, and of
-the generated ones that *No Restrictions* adds. Then how success falls with that distance: docs/data/tracks.csv.
+For each object of `test` and `ood`, the nearest one that policies train on: of the catalogue's `train`, and of
+the generated ones that *No Restrictions* adds, for doors also those on their side. Then how success falls with
+that distance: docs/data/tracks.csv.
 """
 
 import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +17,7 @@ from scipy.stats import spearmanr
 
 from artiskill.assets.catalog import load_object, resolve_objects
 from artiskill.assets.similarity import NEAR_DUPLICATE_M, Descriptor, describe, nearest_neighbour
+from artiskill.config import check
 from artiskill.errors import ArtiSkillError
 from artiskill.gallery.facts import markdown
 from artiskill.learning.train_config import ROLLOUT_SEEDS
@@ -22,7 +25,8 @@ from artiskill.tasks.registry import task_spec
 from learning_tables.cells import TASKS
 from learning_tables.markdown import sum_of, write_between
 from learning_tables.results import Measured, read_rows, write_rows
-from make_track_tables import PAGE, SPLITS, TRACKS, read_csv
+from make_rolled_cabinets import LIST, make_folders
+from make_track_tables import DOOR, PAGE, ROLLED, SPLITS, TRACKS, read_csv
 from make_track_tables import TABLE as RATES
 
 TABLE = Path("data", "novelty.csv")  # beside the page
@@ -87,6 +91,10 @@ def measure(task: str) -> Iterator[Novelty]:
     category = task_spec(task).category
     train = _described(["train"], task)
     generated = _described([f"generated:{category}:{ROLLOUT_SEEDS[category]}"], task)
+    if task == DOOR:
+        with TemporaryDirectory() as folder:
+            make_folders(ROLLED["train"], Path(folder))
+            generated += _described([str(Path(folder) / LIST)], task)
     for split in SPLITS:
         for one in _described([split], task):
             yield Novelty(task, split, one.id, *_nearest(one, train), *_nearest(one, generated))
@@ -131,17 +139,20 @@ def rates_text(found: Sequence[Novelty], by_track: dict[tuple[str, str], list[di
             continue
         by_name = {one.object: one for one in found if one.task == task}
         all_of = sum_of([one for splits in policies for one in splits.values()])
+        unknown = sorted(set(all_of.episodes) - set(by_name))
+        check(not unknown, f"{TABLE} lacks {', '.join(unknown)} of {task}: measure anew, with --again")
         ordered = sorted(all_of.episodes, key=lambda name: (by_name[name].distance_mm(track), name))
         rates = [all_of.successes[name] / all_of.episodes[name] for name in ordered]
         half = (len(ordered) + 1) // 2
         distances = [by_name[name].distance_mm(track) for name in ordered]
-        correlation = spearmanr(distances, rates).statistic if len(set(rates)) > 1 else np.nan
+        found_by = spearmanr(distances, rates) if len(set(rates)) > 1 else None
         cells = [
             f"{np.mean(rates[part]):.0%}, {distances[part][0]:.0f} to {distances[part][-1]:.0f} mm"
             for part in (slice(half), slice(half, None))
         ]
-        rows.append([track, task, *cells, "none" if np.isnan(correlation) else f"{correlation:+.2f}"])
-    return markdown(["track", "task", "nearer half", "farther half", "rank correlation"], rows)
+        correlation = "none" if found_by is None else f"{found_by.statistic:+.2f} ({found_by.pvalue:.2f})"
+        rows.append([track, task, *cells, correlation])
+    return markdown(["track", "task", "nearer half", "farther half", "rank correlation (p)"], rows)
 
 
 if __name__ == "__main__":

@@ -39,16 +39,10 @@ TRACKS = {
     "no-interactions": ("command_bc", "--dev-objects", "none"),
 }
 CSV_HEAD = ["track", "task", "seed", "split", "object", "episodes", "successes"]
-SAMPLES = ("OpenCabinetDoor", "PushChair", "MoveBucket")  # whose DAgger takes twice the default
-TWO_ARMS = ("PushChair", "MoveBucket")  # DAgger plays training objects as often as generated ones
 DOOR = "OpenCabinetDoor"  # whose policies without restrictions train on cabinets on their side, too
 ROLLED = {"train": "0..299", "development": DEVELOPMENT_SEEDS["cabinet"]}  # seeds of these
-# of those that learn from demonstrations: how many of each object, and the steps
+# demonstrations of each object
 PER_OBJECT = {DOOR: 120, "OpenCabinetDrawer": 40, "PushChair": 40, "MoveBucket": 40}
-STEPS = {DOOR: 24_000, "OpenCabinetDrawer": 12_000, "PushChair": 12_000, "MoveBucket": 12_000}
-# what else they are told, with two arms and of cabinets, whose demonstrators brake where a joint ends
-MIRRORED = ("algorithm.augmentation.mirror=0.5",)
-OPENED = ("algorithm.augmentation.displace=0.5", "algorithm.end_steps=14")
 POINTS, FRAME = ("--points", "128", "--method", "shares"), "robot"
 
 
@@ -110,8 +104,8 @@ def run_all(policies: Sequence[Policy], options: argparse.Namespace) -> bool:
     """Run what is missing, several policies at once; return whether a command failed."""
     if TRAIN in options.stages:
         for task in sorted({one.task for one in policies if one.track == "no-interactions"}):
-            for command in data_commands(task, options.work, options.jobs):
-                commands.call(command, os.environ)
+            if not all(commands.call(one, os.environ) for one in data_commands(task, options.work, options.jobs)):
+                return True
         if any(one.track == "no-restrictions" and one.task == DOOR for one in policies):
             for name, seeds in ROLLED.items():
                 if not (rolled_folder(options.work, name) / LIST).is_file():  # it is written last
@@ -174,12 +168,7 @@ def train_command(policy: Policy, work: Path) -> list[str]:
     name, *values = TRACKS[policy.track]
     command = ["train", name, "--task", policy.task, "--out", str(policy.folder(work) / "run"), *values]
     if policy.track == "no-interactions":
-        command += ["--data", str(work / "sets" / policy.task), "--steps", str(STEPS[policy.task])]
-        command += ["--set", *(MIRRORED if policy.task in TWO_ARMS else OPENED)]
-    elif policy.task in SAMPLES:
-        command += ["--samples", "192000"]
-    if policy.track == "no-restrictions" and policy.task in TWO_ARMS:
-        command += ["--set", "algorithm.generated_share=0.5"]
+        command += ["--data", str(work / "sets" / policy.task)]
     if policy.track == "no-restrictions" and policy.task == DOOR:
         command += rolled_options(work)
     return [*command, "--seed", str(policy.seed), "--threads", "1", "--workers", "1"]
@@ -206,14 +195,18 @@ def read_csv(path: Path) -> dict[Policy, dict[str, Measured]]:
 
 
 def read_all(work: Path, page: Path) -> dict[Policy, dict[str, Measured]]:
-    """Return what finished policies reached, by split: those of the CSV file, and those of the work folder."""
-    found = read_csv(page.parent / TABLE)
+    """Return what finished policies reached, by split: those of the CSV file, then those of the work folder.
+
+    A policy that lacks a split in the file is left out, to be measured again.
+    """
+    known = read_csv(page.parent / TABLE)
+    found = {policy: splits for policy, splits in known.items() if set(splits) >= set(SPLITS)}
     for track in TRACKS:
         for task in TASKS:
-            seeds = (int(path.name.removeprefix("seed-")) for path in (work / track / task).glob("seed-*"))
-            for policy in (Policy(track, task, seed) for seed in sorted(seeds)):
+            names = (path.name.removeprefix("seed-") for path in (work / track / task).glob("seed-*"))
+            for policy in (Policy(track, task, int(name)) for name in names if name.isdecimal()):
                 reports = policy.reports(work)
-                if all((path / "report.json").is_file() for path in reports.values()):
+                if policy not in found and all((path / "report.json").is_file() for path in reports.values()):
                     found[policy] = {split: read_measured(path) for split, path in reports.items()}
     return dict(sorted(found.items(), key=_order))
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from artiskill.assets.catalog import list_objects, load_object
 from artiskill.envs.manipulation import ManipulationEnv
+from artiskill.errors import ArtiSkillError
 from artiskill.experts.registry import make_expert
 from artiskill.gallery.facts import markdown
 from artiskill.tasks.move_bucket import ball_depth_m
@@ -92,7 +93,9 @@ def outcomes(task: str, objects: list[str], beginner: str, levels: range) -> Ite
         env = ManipulationEnv(task, name, config={"episode_steps": MOST_STEPS + EXPERT_STEPS})
         for target in env.task.targets(load_object(name)):
             for level in levels:
-                yield taken_over(env, name, target, level, beginner)
+                outcome = taken_over(env, name, target, level, beginner)
+                if outcome.steps:  # else another solved it before the expert's turn
+                    yield outcome
 
 
 def row(task: str, beginner: str, played: list[Outcome]) -> list[str]:
@@ -115,15 +118,8 @@ def row(task: str, beginner: str, played: list[Outcome]) -> list[str]:
     ]
 
 
-def main(arguments: list[str]) -> int:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("tasks", nargs="+")
-    parser.add_argument("--objects", default="train", help="split (default: %(default)s)")
-    parser.add_argument("--levels", type=int, default=2, help="of each target (default: %(default)s)")
-    parser.add_argument("--from-level", type=int, default=1000, help="the first one (default: %(default)s)")
-    parser.add_argument("--beginners", nargs="+", choices=BEGINNERS, default=list(BEGINNERS))
-    options = parser.parse_args(arguments)
+def measure(options: argparse.Namespace) -> list[list[str]]:
+    """Return the rows of the table; say which episodes were not solved."""
     levels, rows = range(options.from_level, options.from_level + options.levels), []
     for task in options.tasks:
         objects = list_objects(split=options.objects, task=task)
@@ -137,6 +133,23 @@ def main(arguments: list[str]) -> int:
                         f"not solved: {task} {beginner} {one.object} {one.target} {one.level}{lost}",
                         file=sys.stderr,
                     )
+    return rows
+
+
+def main(arguments: list[str]) -> int:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("tasks", nargs="+")
+    parser.add_argument("--objects", default="train", help="split (default: %(default)s)")
+    parser.add_argument("--levels", type=int, default=2, help="of each target (default: %(default)s)")
+    parser.add_argument("--from-level", type=int, default=1000, help="the first one (default: %(default)s)")
+    parser.add_argument("--beginners", nargs="+", choices=BEGINNERS, default=list(BEGINNERS))
+    options = parser.parse_args(arguments)
+    try:
+        rows = measure(options)
+    except ArtiSkillError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
     head = ["task", "before the expert", "targets", "episodes", "solved", "lost before"]
     head += ["solved of the rest", "steps of the expert", "solved least"]
     print(markdown(head, rows))

@@ -156,6 +156,7 @@ OUTPUT_BIAS = "policy.mlp.output.bias"
         (lambda path: changed_header(path, algorithm="bcp"), "is damaged: .* did you mean 'bc'"),
         (lambda path: changed_header(path, points=10**9), "points must lie in"),
         (lambda path: changed_header(path, frame="moon"), "frame"),
+        (lambda path: changed_header(path, frame="robot"), "in frame 'robot', and are sampled in 'world'"),
         (lambda path: changed_header(path, action=3), "do not fit its actions"),
         (lambda path: changed_header(path, masks=2), "do not fit its network"),
         (lambda path: changed(path, **{"policy.mlp.output.weight": None}), "do not fit its network"),

@@ -61,7 +61,7 @@ def vary(arms: int = 2, **values: float) -> tuple[ObservationArrays, Observation
     """Return steps and commands, before and after."""
     given = seen(arms)
     labels = np.stack([space(arms).encode(command(k, arms)) for k in range(B)])
-    found, others = Augmentation(replace(NONE, **values), space(arms), frame="robot")(
+    found, others = Augmentation(replace(NONE, **values), space(arms), frame="robot", masks=3)(
         given, labels, np.random.default_rng(2)
     )
     return given, found, labels, others
@@ -79,7 +79,7 @@ def test_a_mirrored_command_is_carried_out_as_the_mirror_shows_it() -> None:
     """Twists, widths, grips and trunk: the action is the mirror image of the action."""
     actor, agent = CommandActor(space(2)), agents()
     labels = np.stack([actor.space.encode(command(k)) for k in range(B)])
-    others = Augmentation(replace(NONE, mirror=1), space(2), "robot").mirrored(seen(), labels)[1]
+    others = Augmentation(replace(NONE, mirror=1), space(2), "robot", 3).mirrored(seen(), labels)[1]
     for row in range(B):
         action = actor.action(agent[row], labels[row])
         other = actor.action(mirrored_agent(agent, 2)[row], others[row])
@@ -90,7 +90,7 @@ def test_a_mirrored_command_is_carried_out_as_the_mirror_shows_it() -> None:
 
 
 def test_a_mirror_image_of_a_mirror_image_is_the_step_itself() -> None:
-    augmentation, labels = Augmentation(replace(NONE, mirror=1), space(2), "robot"), vary()[2]
+    augmentation, labels = Augmentation(replace(NONE, mirror=1), space(2), "robot", 3), vary()[2]
     there = augmentation.mirrored(seen(), labels)
     back, same = augmentation.mirrored(*there)
     assert np.abs(there[1] - labels).max() > 0.1
@@ -102,7 +102,7 @@ def test_a_mirror_image_of_a_mirror_image_is_the_step_itself() -> None:
 def test_where_kinds_are_grips_the_kind_is_that_of_the_hand_that_is_first_now() -> None:
     own = replace(space(2), phases=GRIP_PHASES)
     labels = own.encode(replace(command(0), phase=int(Grip.OPEN)))[None]  # its grips: open, shut
-    other = Augmentation(replace(NONE, mirror=1), own, "robot").mirrored(seen(), labels)[1]
+    other = Augmentation(replace(NONE, mirror=1), own, "robot", 3).mirrored(seen(), labels)[1]
     assert (labels[0, -1], other[0, -1]) == (Grip.OPEN, Grip.SHUT)
     assert own.decode(other[0]).grip.tolist() == [Grip.SHUT, Grip.OPEN]
 
@@ -155,4 +155,9 @@ def test_values_that_make_no_sense(values: dict[str, Any]) -> None:
 
 def test_a_robot_with_one_arm_has_no_mirror_image() -> None:
     with pytest.raises(ConfigError, match="two arms"):
-        Augmentation(replace(NONE, mirror=0.5), space(1), "robot")
+        Augmentation(replace(NONE, mirror=0.5), space(1), "robot", 3)
+
+
+def test_where_there_is_no_handle_nothing_is_stretched() -> None:
+    with pytest.raises(ConfigError, match="first mask is a handle's"):
+        Augmentation(replace(NONE, stretch=0.2), space(2), "robot", 1)

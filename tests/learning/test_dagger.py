@@ -5,6 +5,7 @@ import csv
 import dataclasses
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from tests.learning.clouds import observe
 from artiskill.assets.catalog import load_object
 from artiskill.cli.main import main
 from artiskill.config import from_mapping, to_mapping
-from artiskill.errors import AssetError, ConfigError, RunError, UnknownNameError
+from artiskill.errors import AssetError, ConfigError, PolicyError, RunError, UnknownNameError
 from artiskill.evaluation.evaluate import evaluate
 from artiskill.experts.whole_body import Command, Grip, WholeBodyConfig
 from artiskill.exports.export import export_object
@@ -374,16 +375,64 @@ def test_an_imported_object_is_not_taken_for_its_original(tmp_path: Path) -> Non
         Rollouts(config, tmp_path)
 
 
-def test_a_round_that_is_lost_is_missed(whole: Path, tmp_path: Path) -> None:
+def test_rounds_that_are_lost_are_collected_again(whole: Path, tmp_path: Path) -> None:
     run = tmp_path / "run"
     shutil.copytree(whole, run)
-    (run / ROUNDS / "0000-1.npz").unlink()
+    for name in ("0000-1.npz", "0001-0.npz"):  # of the expert alone, and of a policy
+        (run / ROUNDS / name).unlink()
     (run / LATEST).unlink()
     with pytest.raises(ZeroDivisionError):
         tiny_run(run, stop_at=5)
-    (run / ROUNDS / "0000-0.npz").unlink()
-    with pytest.raises(RunError, match="is missing"):
+    (run / ROUNDS / "0000-0.npz").unlink()  # before the checkpoint
+    ours = weights(tiny_run(run))
+    for name, value in weights(whole).items():
+        assert torch.equal(ours[name], value), name
+    for name in ("0000-1.npz", "0001-0.npz"):
+        with np.load(run / ROUNDS / name) as again, np.load(whole / ROUNDS / name) as before:
+            np.testing.assert_array_equal(again["records"], before["records"])
+            np.testing.assert_array_equal(again["labels"], before["labels"])
+
+
+@pytest.mark.parametrize("damage", [lambda data: data[:99], lambda data: b"", lambda data: b"x" + data[1:]])
+def test_a_damaged_round(whole: Path, tmp_path: Path, damage: Callable[[bytes], bytes]) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(whole, run)
+    path = run / ROUNDS / "0000-1.npz"
+    path.write_bytes(damage(path.read_bytes()))
+    (run / LATEST).unlink()
+    with pytest.raises(
+        RunError, match=r"0000-1\.npz' is damaged .*remove it, and the same command collects it again"
+    ):
         tiny_run(run)
+
+
+def test_a_round_whose_policy_is_lost(whole: Path, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(whole, run)
+    (run / LATEST).unlink()
+    with pytest.raises(ZeroDivisionError):
+        tiny_run(run, stop_at=8)
+    (run / ROUNDS / "0001-0.npz").unlink()
+    (run / ROUNDS / "0001.pt").unlink()
+    with pytest.raises(RunError, match=r"0001\.pt' is missing: train anew"):
+        tiny_run(run)
+
+
+def test_another_run_in_the_same_folder_collects_by_its_own_values(tmp_path: Path) -> None:
+    tiny_run(tmp_path / "run")
+    shutil.rmtree(tmp_path / "run")
+    config = load_train_config("dagger", TASK, overrides=TINY | {"algorithm.envs": 3})
+    train(config, RolloutData(1, lambda text: None), tmp_path / "run", "cpu", 1)
+    with np.load(tmp_path / "run" / ROUNDS / "0000-0.npz") as found:
+        assert len(found["labels"]) == 3 * TINY["algorithm.rollout_steps"]
+
+
+def test_more_steps_are_another_run(whole: Path, tmp_path: Path) -> None:
+    """Rounds are shares of the steps."""
+    config = load_train_config("dagger", TASK, overrides=TINY | {"schedule": "constant"})
+    more = dataclasses.replace(config, steps=18)
+    with pytest.raises(RunError, match="steps 9 there, 18 here"):
+        config.check_continues(more, tmp_path)
 
 
 def test_a_run_that_began_before_a_value_was_there_goes_on(whole: Path, tmp_path: Path) -> None:
@@ -413,6 +462,30 @@ def test_a_run_acts_and_its_file_acts_alike_without_torch(whole: Path, tmp_path:
         assert action.shape == (13,)
         assert np.abs(action).max() <= 1
         seen, *_ = env.step(action)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"commands": {}}, "network.input.body needs commands"),
+        ({"commands": {"arms": 2}}, "arms must be at most 1, those of the robot"),
+        ({"commands": {"arm_qpos_rad": [0.0]}}, "arm_qpos_rad"),
+        ({"frame": "end_effector"}, "points are in frame 'end_effector', and are sampled in 'robot'"),
+    ],
+)
+def test_a_file_whose_commands_do_not_fit_is_refused(
+    whole: Path, tmp_path: Path, changes: dict[str, Any], message: str
+) -> None:
+    path = tmp_path / "policy.npz"
+    export_policy(whole, path)
+    with np.load(path) as archive:
+        values = {name: archive[name] for name in archive.files}
+    header = json.loads(str(values["header"]))
+    for name, value in changes.items():
+        header[name] = header[name] | value if value and isinstance(value, dict) else value
+    np.savez(path, **values | {"header": np.array(json.dumps(header))})
+    with pytest.raises(PolicyError, match=f"is damaged: .*{message}"):
+        ArrayPolicy(path)
 
 
 def test_a_run_is_evaluated(whole: Path) -> None:
@@ -451,15 +524,44 @@ def test_rollouts_are_of_one_process(
     assert f"{algorithm} trains in one process: start it without torchrun" in capsys.readouterr().err
 
 
-def test_samples_set_rounds_and_steps() -> None:
+@pytest.mark.parametrize(
+    ("more", "steps"),
+    [
+        ({}, 7 * 24_000 // 128),
+        ({"batch_size": 64}, 7 * 24_000 // 64),
+        ({"set": ["batch_size=32"]}, 7 * 24_000 // 32),
+    ],
+)
+def test_samples_set_rounds_and_steps(more: dict[str, Any], steps: int) -> None:
     from argparse import Namespace
 
     from artiskill.cli.train import _rollout_overrides
 
-    given = Namespace(algorithm="dagger", task=TASK, points=64, objects=["train"], samples=20_000, set=[])
-    assert _rollout_overrides(given) == {
+    given = {"algorithm": "dagger", "task": TASK, "points": 64, "objects": ["train"], "samples": 20_000}
+    assert _rollout_overrides(Namespace(**given, **({"set": [], "batch_size": None} | more))) == {
         "algorithm.points": 64,
         "algorithm.objects": ["train"],
         "algorithm.rounds": 5,  # of 4,800 each
-        "steps": 7 * 24_000 // 128,
+        "steps": steps,
     }
+
+
+@pytest.mark.parametrize(
+    ("task", "samples", "share"),
+    [
+        ("OpenCabinetDrawer", 96_000, None),
+        ("OpenCabinetDoor", 192_000, None),
+        ("PushChair", 192_000, 0.5),
+        ("MoveBucket", 192_000, 0.5),
+    ],
+)
+def test_each_task_has_the_values_of_the_policies_that_come_with_the_package(
+    task: str, samples: int, share: float | None
+) -> None:
+    """Those of docs/generalization.md; where other objects are named, none is played more often than others."""
+    config = load_train_config("dagger", task)
+    values = config.algorithm
+    assert values["rounds"] * values["collectors"] * values["envs"] * values["rollout_steps"] == samples
+    assert values["generated_share"] == share
+    named = load_train_config("dagger", task, overrides={"algorithm.objects": ["train"]})
+    assert named == dataclasses.replace(config, algorithm=values | {"objects": ["train"], "generated_share": None})

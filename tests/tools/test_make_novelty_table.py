@@ -31,7 +31,7 @@ def test_success_by_distance(page: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     assert script.main(["--page", str(page)]) == 0
     text = page.read_text()
     assert "| MoveBucket | test | 19 (4 to 34) | 1 of 4 | 16 (1 to 31) | 1 of 4 |" in text
-    assert "| no-restrictions | MoveBucket | 90%, 1 to 11 mm | 10%, 21 to 31 mm | -1.00 |" in text
+    assert "| no-restrictions | MoveBucket | 90%, 1 to 11 mm | 10%, 21 to 31 mm | -1.00 (0.00) |" in text
     monkeypatch.setattr(script, "measure", lambda task: pytest.fail("it is in the file"))
     assert script.main(["--page", str(page)]) == 0
     assert page.read_text() == text

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from artiskill.config import check
+from artiskill.files import read_text
 
 Policy = TypeVar("Policy")
 
@@ -34,7 +35,8 @@ def finish(folder: Path, train: list[str] | None, reports: Mapping[Path, list[st
     """Train and measure a policy, as far as that is missing.
 
     Args:
-        folder: of the policy, with an empty file `trained` once it is; nothing is measured before.
+        folder: of the policy, with a file `trained` once it is, which holds the command; nothing is measured
+            before. After another command it is trained again: `artiskill train` goes on, or refuses.
         train: the command that trains; None to measure only what is trained.
         reports: by their folders, the commands that measure.
 
@@ -42,12 +44,13 @@ def finish(folder: Path, train: list[str] | None, reports: Mapping[Path, list[st
         Whether all commands succeeded.
     """
     environment, trained = one_thread(), folder / "trained"
-    if not trained.is_file():
-        if train is None:
+    if train is None:
+        if not trained.is_file():
             return True
+    elif not trained.is_file() or read_text(trained) != shlex.join(train):
         if not call(train, environment):
             return False
-        trained.touch()
+        trained.write_text(shlex.join(train))
     missing = [command for report, command in reports.items() if not (report / "report.json").is_file()]
     return all(call(command, environment) for command in missing)
 

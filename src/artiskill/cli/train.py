@@ -57,14 +57,18 @@ def add_commands(commands: Any) -> None:
         help="small (default), small_transformer, pointnet, pointnet_transformer, or kinematic (default of dagger "
         "and command_bc)",
     )
-    steps = "gradient steps (default: bc, command_bc: 6000; bcq, td3bc: 20000; dagger: 5200)"
+    steps = (
+        "gradient steps (default: bc: 6000; bcq, td3bc: 20000; command_bc: 12000, doors 24000; dagger: 5200 for "
+        "drawers, else 10500)"
+    )
     most = "sac: at most 400000, doors 600000, chairs and buckets 1000000; ppo: 2000000"
     add("--steps", type=int, help=f"{steps}, or of environments ({most})")
     rollouts = "dagger, sac, ppo: learn on these (default: train; dagger: and hundreds of generated ones)"
     add("--objects", nargs="+", metavar="OBJECT", help=rollouts)
     add("--target", metavar="LINK", help="sac, ppo: open only this one (default: each episode draws one)")
     add("--envs", type=int, help="sac, ppo: environments side by side (default: 16)")
-    add("--samples", type=int, help="dagger: steps of rollouts in all, and 7 passes over as many (default: 96000)")
+    samples = "dagger: steps of rollouts in all, and 7 passes over as many (default: drawers 96000, else 192000)"
+    add("--samples", type=int, help=samples)
     batches = "samples of a step (default: bc, dagger: 128; bcq, td3bc, command_bc: 64; sac: 128; ppo: 256)"
     add("--batch-size", type=int, help=batches)
     add("--seed", type=int, help="of weights, batches and noise (default: 0)")
@@ -202,7 +206,8 @@ def _rollout_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
         return {}
     given = {"algorithm.points": arguments.points, "algorithm.objects": arguments.objects}
     if arguments.samples is not None:
-        plain = load_train_config(arguments.algorithm, arguments.task, None, overrides_of(arguments.set))
+        own = {} if arguments.batch_size is None else {"batch_size": arguments.batch_size}
+        plain = load_train_config(arguments.algorithm, arguments.task, None, own | overrides_of(arguments.set))
         values = plain.algorithm
         size = values["collectors"] * values["envs"] * values["rollout_steps"]
         given["algorithm.rounds"] = max(1, -(-arguments.samples // size))

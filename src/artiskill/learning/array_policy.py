@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from artiskill.config import check, check_inside, from_mapping, to_mapping
-from artiskill.errors import ArtiSkillError, PolicyError, check_name, shown
+from artiskill.errors import ArtiSkillError, ConfigError, PolicyError, check_name, shown
 from artiskill.files import atomic_write, check_archive, open_regular, output_path, parse_json
 from artiskill.learning.array_networks import Weights, make_array_network
 from artiskill.learning.features import make_features
@@ -39,7 +39,7 @@ _PACKAGED = Path(__file__).with_name("pretrained")  # policies that come with th
 _HEADER = "header"
 _MOST_BYTES = 1_000_000_000  # the paper's largest network has 20 MB, twice in BCQ
 _MOST_POINTS, _MOST_AGENT, _MOST_ACTION = 1_000_000, 10_000, 1_000
-_DAMAGED = (
+DAMAGED = (  # what reading of a damaged archive raises
     OSError,
     ValueError,
     LookupError,
@@ -75,6 +75,9 @@ class Header:
         check_inside("masks", self.masks, (0, MOST_MASKS))
         check_inside("agent", self.agent, (1, _MOST_AGENT))
         check_inside("action", self.action, (1, _MOST_ACTION))
+        frame = self.sampling.get("frame", FRAMES[0])
+        check(frame == self.frame, f"points are in frame {self.frame!r}, and are sampled in {shown(frame)}")
+        check(bool(self.commands) or not self.network.input.body, "network.input.body needs commands")
 
 
 def check_policy_path(path: Path) -> Path:
@@ -168,7 +171,10 @@ class ArrayPolicy:
         self.observation_config = self.header.observation_config
         self._layout = ObservationLayout(self.header.points, self.header.masks, self.header.agent)
         self._input = self.header.network.resolved().input
-        self._actor = make_actor(self.header.commands) if self.header.commands else None
+        try:
+            self._actor = make_actor(self.header.commands) if self.header.commands else None
+        except ConfigError as error:
+            raise PolicyError(f"{str(path)!r} is damaged: {error}") from error
         config = self.header.network
         try:
             if self.header.algorithm == "bcq":
@@ -231,7 +237,7 @@ def _read(path: Path) -> tuple[Header, dict[str, np.ndarray]]:
         given = parse_json(str(values.pop(_HEADER)))
     except FileNotFoundError as error:
         raise PolicyError(f"there is no policy file {str(path)!r}") from error
-    except _DAMAGED as error:
+    except DAMAGED as error:
         reason = getattr(error, "strerror", None) or "it is no file of `artiskill export-policy`, or cut off"
         raise PolicyError(f"cannot read {str(path)!r}: {reason}") from error
     if not isinstance(given, dict) or given.pop("format", None) != FORMAT:

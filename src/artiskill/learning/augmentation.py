@@ -56,16 +56,22 @@ class Augmentation:
         config: how they are varied.
         space: of the commands.
         frame: of the points: `world` or `robot`.
+        masks: of a cloud; the last one is the robot's.
 
     Raises:
-        ConfigError: a robot with one arm has no mirror image; or robots with arms that are not commanded shall be
-            displaced.
+        ConfigError: a robot with one arm has no mirror image; there is no mask of a handle to stretch objects
+            around; or robots with arms that are not commanded shall be displaced.
     """
 
-    def __init__(self, config: AugmentationConfig, space: CommandSpace, frame: str) -> None:
+    def __init__(self, config: AugmentationConfig, space: CommandSpace, frame: str, masks: int) -> None:
         if config.mirror and space.arms == 1:
             raise ConfigError(
                 "augmentation.mirror is for robots with two arms; with one, at its side, it must be 0"
+            )
+        if config.stretch and masks < 2:
+            raise ConfigError(
+                "augmentation.stretch is for tasks whose first mask is a handle's; with the robot's mask alone it "
+                "must be 0"
             )
         self.config, self._space = config, space
         self._displacement = (

@@ -75,12 +75,12 @@ def check_demonstrated(config: TrainConfig, space: CommandSpace, training_set: T
     """Refuse what only shows when batches are made.
 
     Raises:
-        ConfigError: points in the frame of the hand, in which base and hands cannot be found; or mirror images
-            of a robot that has none.
+        ConfigError: points in the frame of the hand, in which base and hands cannot be found; or variations that
+            the robot or the task does not have.
         DemoError: some demonstrations are too short to leave their ends out.
     """
     values, frame = algorithm_config(config), training_set.manifest.sampling["frame"]
-    Augmentation(values.augmentation, space, frame)
+    Augmentation(values.augmentation, space, frame, training_set.sizes.masks)
     StepSampler(training_set, config.seed, end_steps=values.end_steps)
     check(frame != _HAND, f"{config.name} needs points in frame 'robot' or 'world', not {frame!r}")
 
@@ -122,9 +122,8 @@ class CommandBatches:
         self._loader, self._step, self._key = loader, trainer.state.step, trainer.config.seed
         self._rank, self._device = trainer.processes.rank, trainer.processes.device
         self._commands = DemonstratedCommands(training_set, space)
-        self._augmentation = Augmentation(
-            algorithm_config(trainer.config).augmentation, space, trainer.info.sampling["frame"]
-        )
+        values, info = algorithm_config(trainer.config), trainer.info
+        self._augmentation = Augmentation(values.augmentation, space, info.sampling["frame"], info.sizes["masks"])
 
     def __iter__(self) -> Self:
         """Return itself."""

@@ -28,14 +28,14 @@ from artiskill.files import atomic_write
 from artiskill.jobs.fork_server import fork_server
 from artiskill.jobs.parallel import run_jobs
 from artiskill.jobs.worker import Send
-from artiskill.learning.array_policy import make_actor
+from artiskill.learning.array_policy import DAMAGED, make_actor
 from artiskill.learning.augmentation import Augmentation
 from artiskill.learning.batch import Batch, Observation, Sizes, Statistics
 from artiskill.learning.checkpoints import load_weights, make_algorithm, save_weights
 from artiskill.learning.commands import CommandSpace, command_space, commanding_expert
 from artiskill.learning.dagger import DAggerConfig
 from artiskill.learning.policy import one_thread
-from artiskill.learning.run import RunInfo, Table, read_info
+from artiskill.learning.run import CONFIG, INFO, RunInfo, Table, read_info
 from artiskill.learning.train_config import (
     TrainConfig,
     algorithm_config,
@@ -125,7 +125,9 @@ class Rollouts:
         expert = commanding_expert(task, values.expert)
         agent = sum(field.size for field in robot_fields(len(task.robot.mounts)))
         space = command_space(task, expert.controller, expert.phases, values.one_kind)
-        Augmentation(values.augmentation, space, FRAME)  # an illegal one is refused before anything is written
+        Augmentation(
+            values.augmentation, space, FRAME, len(task.mask_names)
+        )  # an illegal one is refused before anything is written
         actions = len(expert.controller.whole_body.scale.center)
         sizes = Sizes(values.points, len(task.mask_names), agent, actions)
         zeros, ones = np.zeros(3), np.ones(3)
@@ -170,7 +172,7 @@ class RoundBatches:
         self._layout = trainer.info.layout
         self._table = Table(rollouts.folder / TABLE, self._step)
         space = from_mapping(CommandSpace, trainer.info.commands, "commands")
-        self._augmentation = Augmentation(values.augmentation, space, FRAME)
+        self._augmentation = Augmentation(values.augmentation, space, FRAME, trainer.info.sizes["masks"])
         self._rounds = 0  # that were taken in
         self._records = np.zeros(0, self._layout.dtype)
         self._labels = np.zeros((0, 0), np.float32)
@@ -202,9 +204,9 @@ class RoundBatches:
         if self._step == number * self._round_steps:
             self._trainer.save()
         if missing:
-            if self._step != number * self._round_steps:
-                raise RunError(f"{str(missing[0].path)!r} is missing: train anew, in another folder")
             if number >= values.expert_rounds and not jobs[0].policy.exists():
+                if self._step != number * self._round_steps:
+                    raise RunError(f"{str(jobs[0].policy)!r} is missing: train anew, in another folder")
                 save_weights(jobs[0].policy, self._trainer.state, self._trainer.acting)
             self._collect(missing)
         counts = [self._read(job) for job in jobs]
@@ -223,13 +225,15 @@ class RoundBatches:
 
     def _read(self, job: "RolloutJob") -> Counts:
         try:
-            with np.load(job.path, allow_pickle=False) as archive:
+            with job.path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
                 records, labels, counts = (archive[name] for name in ("records", "labels", "counts"))
             self._records = np.concatenate((self._records, records.view(self._layout.dtype).reshape(-1)))
             self._labels = np.concatenate((self._labels.reshape(-1, labels.shape[1]), labels))
             return Counts(*counts.tolist())
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise RunError(f"{str(job.path)!r} is damaged ({error}): remove it, and train anew") from error
+        except (*DAMAGED, TypeError) as error:
+            raise RunError(
+                f"{str(job.path)!r} is damaged ({error}): remove it, and the same command collects it again"
+            ) from error
 
 
 def _text(counts: Counts) -> str:
@@ -272,7 +276,8 @@ class RolloutJob:
 def collect(job: RolloutJob, send: Send) -> None:
     """Roll out, and store what was seen and commanded; messages come on the way."""
     with one_thread():
-        records, labels, counts = _collector(job.folder).run(job, send)
+        run = (job.folder / CONFIG).read_bytes(), (job.folder / INFO).read_bytes()
+        records, labels, counts = _collector(job.folder, run).run(job, send)
     job.path.parent.mkdir(parents=True, exist_ok=True)
     as_bytes = records.view(np.uint8).reshape(len(records), -1)
     with atomic_write(job.path) as temporary, temporary.open("wb") as file:
@@ -280,7 +285,8 @@ def collect(job: RolloutJob, send: Send) -> None:
 
 
 @lru_cache(maxsize=1)
-def _collector(folder: Path) -> "Collector":
+def _collector(folder: Path, run: tuple[bytes, bytes]) -> "Collector":
+    """Return what collects for a run; `run`, what its files hold, tells it from one that was there before."""
     return Collector(read_train_config(folder), read_info(folder))
 
 
@@ -421,7 +427,10 @@ class Collector:
         self._elapsed += 1
         done |= ~met.is_good
         is_whole = np.array([episode.is_whole for episode in self._episodes])
-        counts = [(done & who & what).sum() for who in (~is_whole, is_whole) for what in (True, solved)]
+        # what the policy solves before the expert takes over is of neither
+        counts = [
+            (done & who & what).sum() for who in (~is_whole & ~by_policy, is_whole) for what in (True, solved)
+        ]
         if done.any():
             self._begin(done)
         return np.array(counts)

@@ -112,11 +112,11 @@ class TrainConfig:
     def check_continues(self, other: "TrainConfig", folder: Path) -> None:
         """Raise `RunError` if a run with these values cannot go on with other ones.
 
-        More steps are all that may change, unless learning rates depend on the number of steps. Values that a
-        version before had not are as they are by default.
+        More steps are all that may change, unless learning rates or rounds depend on the number of steps. Values
+        that a version before had not are as they are by default.
         """
         ours, theirs = to_mapping(_resolved(self)), to_mapping(other)
-        if self.schedule == "constant":
+        if self.schedule == "constant" and self.name not in INTERACTIVE:  # whose rounds are shares of the steps
             theirs["steps"] = min(ours["steps"], theirs["steps"])
         check_same_values(ours, theirs, folder)
 
@@ -138,7 +138,7 @@ def load_train_config(
     network: str | None = None,
     overrides: Mapping[str, Any] | None = None,
 ) -> TrainConfig:
-    """Return the values of a run: of the package's files, and others laid over them.
+    """Return the values of a run: of the package's files, what they say of the task, and others laid over them.
 
     Args:
         name: of the algorithm, one of `ALGORITHMS`.
@@ -154,7 +154,9 @@ def load_train_config(
     network = network or (KINEMATIC if name in OF_COMMANDS else NETWORKS[0])
     check_name("network", network, (*NETWORKS, *[KINEMATIC] * (name in OF_COMMANDS)))
     spec = task_spec(task)
-    values = merge_overrides(load_yaml(_FOLDER / _SHARED), load_yaml(_FOLDER / f"{name}.yaml"))
+    own = load_yaml(_FOLDER / f"{name}.yaml")
+    of_task = own.pop("tasks", {}).get(task, {})
+    values = merge_overrides(merge_overrides(load_yaml(_FOLDER / _SHARED), own), of_task)
     values |= {"task": task, "name": name, "network": to_mapping(load_network_config(network))}
     if values["development"]["objects"] is None:
         values["development"]["objects"] = (f"generated:{spec.category}:{DEVELOPMENT_SEEDS[spec.category]}",)
@@ -163,6 +165,8 @@ def load_train_config(
     if name == "command_bc":  # velocities tell the demonstrations' last action, which a policy then copies
         seen["velocities"] = False
     if name in INTERACTIVE:
+        if merge_overrides({"algorithm": {}}, overrides or {})["algorithm"].get("objects") is not None:
+            values["algorithm"]["generated_share"] = None  # the task's is of the objects that it has by default
         _fill_rollouts(values["algorithm"], task, spec.category)
     config = from_layers(TrainConfig, lambda given: merge_overrides(values, given), overrides, f"{name}.yaml")
     return _resolved(config)

@@ -1,0 +1,31 @@
+"""Policies that are commands: what is done again, and what is not."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from learning_tables.commands import finish
+
+
+def test_a_policy_is_trained_again_only_by_another_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`artiskill train` says whether a run can go on so."""
+    called: list[list[str]] = []
+
+    def call(command: list[str], environment: os._Environ[str]) -> bool:
+        called.append(command)
+        return "--bad" not in command
+
+    monkeypatch.setattr("learning_tables.commands.call", call)
+    first, other, bad = (["train", "--seed", *last] for last in (("0",), ("1",), ("0", "--bad")))
+    assert finish(tmp_path, None, {tmp_path / "test": ["evaluate"]})
+    assert called == [], "it is not trained"
+    for command in (first, first, other, first):
+        assert finish(tmp_path, command, {})
+    assert called == [first, other, first]
+    assert not finish(tmp_path, bad, {tmp_path / "test": ["evaluate"]})
+    assert called[-1] == bad, "nothing is measured"
+    assert finish(tmp_path, None, {tmp_path / "test": ["evaluate"]})
+    assert called[-1] == ["evaluate"]
