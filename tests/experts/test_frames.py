@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from artiskill.experts.frames import axis_rotation, curved, rotation_error
+from artiskill.experts.frames import axis_rotation, cross, curved, rotation_error
 from artiskill.geometry.rotations import quat_from_axis_angle, quat_to_matrix
 
 
@@ -33,3 +33,10 @@ def test_an_error_is_the_rotation_vector_that_mends_it(angle_rad: float, rng: np
         )
         found = rotation_error(current, axis_rotation(axis, angle_rad) @ current)
         np.testing.assert_allclose(found, angle_rad * axis / np.linalg.norm(axis), atol=1e-9)
+
+
+def test_a_cross_product_has_the_bits_of_numpys() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        a, b = rng.normal(size=(2, 3)) * 10 ** rng.uniform(-5, 5, (2, 1))
+        assert cross(a, b).tobytes() == np.cross(a, b).tobytes()

@@ -52,7 +52,10 @@ def test_commands_of_actions_of_another_control_mode() -> None:
 
 
 def run(folder: Path, data: Path, steps: int, **values: Any) -> Path:
-    values = {"algorithm__end_steps": 0, "algorithm__augmentation__displace": 0} | values  # of short demonstrations
+    values = {
+        "algorithm__end_steps": 0,
+        "algorithm__augmentation__displace": 0,
+    } | values  # of short demonstrations
     config = tiny_config("command_bc", steps=steps, **values)
     train(config, TrainData(data), folder, device="cpu", threads=1)
     return folder

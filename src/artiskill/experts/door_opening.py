@@ -12,7 +12,16 @@ from itertools import product
 import numpy as np
 
 from artiskill.config import check_inside, check_not_negative, check_positive
-from artiskill.experts.frames import Frame, Motion, axis_rotation, head_for, limited, ramp, rotation_error
+from artiskill.experts.frames import (
+    Frame,
+    Motion,
+    axis_rotation,
+    cross,
+    head_for,
+    limited,
+    ramp,
+    rotation_error,
+)
 from artiskill.experts.handle_grasp import CabinetPhase, HandAtHandle
 from artiskill.geometry.arrays import norm, small_product
 from artiskill.sim.snapshot import Snapshot
@@ -119,7 +128,7 @@ class Door:
 
     def arc(self, point: np.ndarray) -> np.ndarray:
         """Return velocity of a point of the door per rad/s of opening, (3,)."""
-        return np.cross(self.axis, point - self.hinge)
+        return cross(self.axis, point - self.hinge)
 
 
 def door_of(snapshot: Snapshot, goal: CabinetGoal) -> Door:
@@ -132,7 +141,7 @@ def door_of(snapshot: Snapshot, goal: CabinetGoal) -> Door:
     outward = -goal.grasp_rotations[0, 0][:, 2]  # the hand comes from the room
     outward = outward - small_product(outward, axis) * axis
     outward = outward / norm(outward)
-    along = np.cross(outward, axis)
+    along = cross(outward, axis)
     corners = np.array(list(product(*goal.link_bounds[0].T))) - origin  # (8, 3)
     return Door(
         hinge=position + small_product(rotation, origin + height * axis),
@@ -187,7 +196,7 @@ def pushing_hand(door: Door, config: DoorConfig) -> np.ndarray:
     """
     turn = np.clip(np.pi / 2 - door.angle_rad + config.lead_rad, 0.0, config.heading_rad)
     forward = small_product(small_product(axis_rotation(door.axis, -turn), door.back), -door.outward)
-    return np.stack((np.cross(door.axis, forward), door.axis, forward), axis=1)
+    return np.stack((cross(door.axis, forward), door.axis, forward), axis=1)
 
 
 def pull(door: Door, left_rad: float, grasp: Frame, tool: Frame, config: DoorConfig) -> Motion:

@@ -84,6 +84,12 @@ def rotation_error(current: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     return np.array((h - f, c - g, d - b)) * (math.atan2(twice, a + e + i - 1.0) / twice)
 
 
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the cross product of two vectors (3,): the same bits as NumPy's, in a fraction of the time."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    return np.array((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx))
+
+
 def limited(vector: np.ndarray, length: float) -> np.ndarray:
     """Return the vector, shortened to a length if it is longer."""
     return vector * min(1.0, length / max(float(norm(vector)), 1e-9))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from artiskill.config import check_inside, check_not_negative, check_positive, check_vector
-from artiskill.experts.frames import limited, ramp, rotation_error
+from artiskill.experts.frames import cross, limited, ramp, rotation_error
 from artiskill.experts.walls import Press, Wall
 from artiskill.experts.whole_body import (
     TRUNK,
@@ -227,7 +227,7 @@ class PressingHands:
         errors, roll = [], self.config.roll_rad
         for arm, side in enumerate(_SIDES):
             forward, across = -side * axis, side * (math.cos(roll) * heading + math.sin(roll) * _UP)
-            wanted = np.stack((np.cross(across, forward), across, forward), axis=-1)
+            wanted = np.stack((cross(across, forward), across, forward), axis=-1)
             errors.append(rotation_error(snapshot.tool_rotation_w[0, arm], wanted))
         gaps = out - press.reach_m - self.config.pad_to_tip_m
         return View(press, axis, heading, middle, gaps, aside, np.array(errors))
@@ -307,7 +307,7 @@ class PressingHands:
     def _turn(self, snapshot: Snapshot, view: View, body: Body) -> np.ndarray:
         """Return angular velocities (2, 3): hands that touch lie flat on the wall, and may level the object."""
         config, found = self.config, []
-        tilt = float(small_product(np.cross(body.rotation[:, 2], _UP), view.axis))
+        tilt = float(small_product(cross(body.rotation[:, 2], _UP), view.axis))
         for arm in range(_ARMS):
             error = view.errors[arm].copy()
             if view.settled > 0 and config.yaw_share > 0:
@@ -358,5 +358,5 @@ def _yaw_to_wall(snapshot: Snapshot, body: Body, press: Press, arm: int) -> floa
     """Angle about the vertical that makes both fingertips of a hand equally far from the wall."""
     tips = snapshot.fingertip_position_w[0, 2 * arm : 2 * arm + 2]
     first, second = press.clearance_m(small_product(tips - body.position, body.rotation))
-    apart = float(small_product(np.cross(_UP, tips[0] - tips[1]), snapshot.tool_rotation_w[0, arm, :, 2]))
+    apart = float(small_product(cross(_UP, tips[0] - tips[1]), snapshot.tool_rotation_w[0, arm, :, 2]))
     return float(first - second) / apart if abs(apart) > 1e-3 else 0.0

@@ -38,7 +38,9 @@ class StepSampler:
         is_legal = np.arange(len(steps)) < ends - end_steps
         legal = np.flatnonzero(is_legal if disturbed else is_legal & ~steps["disturbed"])
         if not len(legal):
-            without = f" without the last {end_steps} of each trajectory (algorithm.end_steps)" if end_steps else ""
+            without = (
+                f" without the last {end_steps} of each trajectory (algorithm.end_steps)" if end_steps else ""
+            )
             raise DemoError(f"{str(training_set.folder)!r} has no step to learn from{without}")
         groups = training_set.group_of_trajectory[steps["trajectory"][legal]]
         counts = np.bincount(groups, minlength=training_set.group_of_trajectory.max() + 1)
