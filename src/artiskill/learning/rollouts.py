@@ -125,11 +125,10 @@ class Rollouts:
         expert = commanding_expert(task, values.expert)
         agent = sum(field.size for field in robot_fields(len(task.robot.mounts)))
         space = command_space(task, expert.controller, expert.phases, values.one_kind)
-        Augmentation(
-            values.augmentation, space, FRAME, len(task.mask_names)
-        )  # an illegal one is refused before anything is written
         actions = len(expert.controller.whole_body.scale.center)
         sizes = Sizes(values.points, len(task.mask_names), agent, actions)
+        # an illegal one is refused before anything is written
+        Augmentation(values.augmentation, space, FRAME, sizes.masks)
         zeros, ones = np.zeros(3), np.ones(3)
         plain = Statistics(zeros, ones, np.zeros(agent), np.ones(agent), np.ones(()))._asdict()
         return RunInfo(
@@ -231,9 +230,8 @@ class RoundBatches:
             self._labels = np.concatenate((self._labels.reshape(-1, labels.shape[1]), labels))
             return Counts(*counts.tolist())
         except (*DAMAGED, TypeError) as error:
-            raise RunError(
-                f"{str(job.path)!r} is damaged ({error}): remove it, and the same command collects it again"
-            ) from error
+            text = f"{str(job.path)!r} is damaged ({error}): remove it, and the same command collects it again"
+            raise RunError(text) from error
 
 
 def _text(counts: Counts) -> str:
@@ -427,10 +425,8 @@ class Collector:
         self._elapsed += 1
         done |= ~met.is_good
         is_whole = np.array([episode.is_whole for episode in self._episodes])
-        # what the policy solves before the expert takes over is of neither
-        counts = [
-            (done & who & what).sum() for who in (~is_whole & ~by_policy, is_whole) for what in (True, solved)
-        ]
+        expert = ~is_whole & ~by_policy  # what the policy solves before the expert takes over is of neither
+        counts = [(done & who & what).sum() for who in (expert, is_whole) for what in (True, solved)]
         if done.any():
             self._begin(done)
         return np.array(counts)
