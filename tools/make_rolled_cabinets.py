@@ -9,6 +9,7 @@ hinges go no further than a flap's, but have no spring that holds them shut. `ca
 import argparse
 import itertools
 import sys
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -60,17 +61,25 @@ def make_folders(seeds: str, out: Path, both: bool = False) -> list[str]:
     Raises:
         ArtiSkillError: illegal seeds; a folder holds something else, or cannot be written.
     """
-    names = []
     found = resolve_objects([f"generated:cabinet:{seeds}"], task="OpenCabinetDoor")
-    for item, in_turn in zip(found, itertools.cycle(SIDES)):
-        for side in SIDES if both else (in_turn,):
-            rolled = roll(load_object(object_id_of(item)), side)
-            names.append(rolled.id)
-            export_object(rolled, "urdf", out / rolled.id)
+    rolled = (
+        roll(load_object(object_id_of(item)), side)
+        for item, in_turn in zip(found, itertools.cycle(SIDES))
+        for side in (SIDES if both else (in_turn,))
+    )
+    return write_folders(rolled, out / LIST, "generated cabinets on their side")
+
+
+def write_folders(objects: Iterable[ArticulatedObject], listed: Path, description: str) -> list[str]:
+    """Write a folder for each object beside a list of them, which is written last; return the folders' names."""
+    names = []
+    for one in objects:
+        export_object(one, "urdf", listed.parent / one.id)
+        names.append(one.id)
     names.sort()
-    with atomic_write(out / LIST) as temporary:
-        listed = {"objects": [f"./{name}" for name in names], "description": "generated cabinets on their side"}
-        temporary.write_text(dump_yaml(listed), encoding="utf-8")
+    with atomic_write(listed) as temporary:
+        text = dump_yaml({"objects": [f"./{name}" for name in names], "description": description})
+        temporary.write_text(text, encoding="utf-8")
     return names
 
 
