@@ -32,6 +32,7 @@ from artiskill.evaluation.report import (
 )
 from artiskill.evaluation.statistics import EpisodeResult, object_interval, summarize
 from artiskill.evaluation.verify import compare_reports, verify_policy, verify_report
+from artiskill.exports.export import export_object
 
 TASK, OBJECTS = "OpenCabinetDrawer", ["generated-cabinet-1000000", "generated-cabinet-1000002"]
 SHORT = {"episode_steps": 5}
@@ -383,6 +384,9 @@ def test_targets_objects_of_ones_own_and_fresh_levels(tmp_path: Path) -> None:
     write_report(report, tmp_path)
     assert "the report's object 'mine' is none of this package: name it, or the folder" in faults(tmp_path)
     assert verify_report(tmp_path, objects=[cabinet]).faults == ()
+    export_object(cabinet, "urdf", tmp_path / "own" / "mine")
+    (tmp_path / "own" / "list.yaml").write_text("objects: [./mine]\n")
+    assert verify_report(tmp_path, objects=[str(tmp_path / "own" / "list.yaml")]).faults == ()
     other = replace(artiskill.load_object("generated:9"), id="mine")
     assert "content_hash" in "\n".join(verify_report(tmp_path, objects=[other]).faults) or faults(tmp_path)
 

@@ -104,7 +104,7 @@ def add_commands(commands: Any) -> None:
 
 def _add_given_objects(parser: argparse.ArgumentParser) -> None:
     """Add options of commands that play reports again."""
-    objects = "names or folders of objects that their ids in the report do not lead to"
+    objects = "names, folders or lists of objects that their ids in the report do not lead to"
     parser.add_argument("--objects", nargs="+", default=[], help=objects)
     add_stored_task(parser)
     add_workers(parser)

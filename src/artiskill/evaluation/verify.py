@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.catalog import checked_hash, load_object
+from artiskill.assets.catalog import checked_hash, resolve_objects
 from artiskill.config import check, differing
 from artiskill.errors import ArtiSkillError, ConfigError, UnknownNameError, shown
 from artiskill.evaluation.action_replay import ReplayJob, replay, replay_jobs
@@ -71,7 +71,7 @@ def verify_report(
         folder: of the report.
         workers: processes.
         on_episode: called after each, in no fixed order.
-        objects: that the report's own names do not lead to, imported ones say, or their folders' names.
+        objects: that the report's own names do not lead to, imported ones say, as `resolve_objects` takes them.
 
     Raises:
         ConfigError: a file is missing, or report.json is not what it should be; an illegal number of workers.
@@ -102,8 +102,8 @@ def plan_again(report: StoredReport, objects: Sequence[str | ArticulatedObject] 
     Raises:
         ArtiSkillError: there is no such task, configuration, object, target or mode.
     """
-    loaded = [load_object(one) if isinstance(one, str) else one for one in objects]
-    given: dict[str, ArticulatedObject] = {obj.id: obj for obj in loaded}
+    found = resolve_objects(objects) if objects else ()
+    given = {one.id: one for one in found if isinstance(one, ArticulatedObject)}
     overrides = as_overrides(report.config)
     task = make_task(report.task, overrides)
     modes = report.obs_mode, report.control_mode
@@ -116,8 +116,8 @@ def plan_again(report: StoredReport, objects: Sequence[str | ArticulatedObject] 
             batches.append(EpisodeBatch(*parts, checked_hash(item), report.sampling))
         except UnknownNameError as error:
             raise ConfigError(
-                f"the report's object {row.object!r} is none of this package: name it, or the folder that it was "
-                "read from (--objects)"
+                f"the report's object {row.object!r} is none of this package: name it, or the folder or list "
+                "that it was read from (--objects)"
             ) from error
     named, protocol = name_batches(task, tuple(batches), report.salt)
     policy = report.policy, report.policy, report.policy_sha256
