@@ -213,7 +213,7 @@ def test_joints_keep_their_ranges_and_hands_come_where_they_shall_or_nothing_mov
 
 def test_commands_that_leave_an_arm_alone() -> None:
     with pytest.raises(ConfigError, match="all 2 arms, not of 1"):
-        Displacement(replace(space(2), arms=1), "world", 0.03, 0.06)
+        Displacement(replace(space(2), arms=1, arm_qpos_rad=space(2).arm_qpos_rad[:7]), "world", 0.03, 0.06)
 
 
 def test_the_same_generator_moves_robots_alike() -> None:
