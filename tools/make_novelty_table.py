@@ -9,7 +9,6 @@ import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +24,7 @@ from artiskill.tasks.registry import task_spec
 from learning_tables.cells import TASKS
 from learning_tables.markdown import sum_of, write_between
 from learning_tables.results import Measured, read_rows, write_rows
-from make_rolled_cabinets import LIST, make_folders
+from make_rolled_cabinets import rolled_cabinets
 from make_track_tables import DOOR, PAGE, ROLLED, SPLITS, TRACKS, read_csv
 from make_track_tables import TABLE as RATES
 
@@ -92,9 +91,7 @@ def measure(task: str) -> Iterator[Novelty]:
     train = _described(["train"], task)
     generated = _described([f"generated:{category}:{ROLLOUT_SEEDS[category]}"], task)
     if task == DOOR:
-        with TemporaryDirectory() as folder:
-            make_folders(ROLLED["train"], Path(folder))
-            generated += _described([str(Path(folder) / LIST)], task)
+        generated += map(describe, rolled_cabinets(ROLLED["train"]))
     for split in SPLITS:
         for one in _described([split], task):
             yield Novelty(task, split, one.id, *_nearest(one, train), *_nearest(one, generated))

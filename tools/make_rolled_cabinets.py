@@ -9,7 +9,7 @@ hinges go no further than a flap's, but have no spring that holds them shut. `ca
 import argparse
 import itertools
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -61,13 +61,15 @@ def make_folders(seeds: str, out: Path, both: bool = False) -> list[str]:
     Raises:
         ArtiSkillError: illegal seeds; a folder holds something else, or cannot be written.
     """
+    return write_folders(rolled_cabinets(seeds, both), out / LIST, "generated cabinets on their side")
+
+
+def rolled_cabinets(seeds: str, both: bool = False) -> Iterator[ArticulatedObject]:
+    """Yield the cabinets that `make_folders` writes, on their side."""
     found = resolve_objects([f"generated:cabinet:{seeds}"], task="OpenCabinetDoor")
-    rolled = (
-        roll(load_object(object_id_of(item)), side)
-        for item, in_turn in zip(found, itertools.cycle(SIDES))
-        for side in (SIDES if both else (in_turn,))
-    )
-    return write_folders(rolled, out / LIST, "generated cabinets on their side")
+    for item, in_turn in zip(found, itertools.cycle(SIDES)):
+        for side in SIDES if both else (in_turn,):
+            yield roll(load_object(object_id_of(item)), side)
 
 
 def write_folders(objects: Iterable[ArticulatedObject], listed: Path, description: str) -> list[str]:

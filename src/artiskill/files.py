@@ -18,6 +18,7 @@ import shutil
 import stat
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -27,6 +28,11 @@ import yaml
 
 from artiskill.errors import ConfigError, shown
 
+# what reading of an archive of arrays raises where it is damaged, or larger than it may be
+DAMAGED_ARCHIVE = (
+    *(OSError, ValueError, LookupError, EOFError, MemoryError, NotImplementedError),
+    *(zipfile.BadZipFile, zlib.error),
+)
 MOST_JSON_BYTES = 100_000_000  # a manifest has 400 bytes for each object
 MOST_YAML_BYTES = 500_000  # a split file has 20 bytes for each object; PyYAML reads about 100 kB a second
 _MOST_BYTES = 2 * 1024**3

@@ -525,24 +525,20 @@ def test_rollouts_are_of_one_process(
 
 
 @pytest.mark.parametrize(
-    ("more", "steps"),
-    [
-        ({}, 7 * 24_000 // 128),
-        ({"batch_size": 64}, 7 * 24_000 // 64),
-        ({"set": ["batch_size=32"]}, 7 * 24_000 // 32),
-    ],
+    ("more", "batch_size"), [((), None), (("--batch-size", "64"), 64), (("--set", "batch_size=32"), 32)]
 )
-def test_samples_set_rounds_and_steps(more: dict[str, Any], steps: int) -> None:
-    from argparse import Namespace
+def test_samples_set_rounds_and_steps(more: tuple[str, ...], batch_size: int | None) -> None:
+    from artiskill.cli.main import make_parser
+    from artiskill.cli.train import _overrides
 
-    from artiskill.cli.train import _rollout_overrides
-
-    given = {"algorithm": "dagger", "task": TASK, "points": 64, "objects": ["train"], "samples": 20_000}
-    assert _rollout_overrides(Namespace(**given, **({"set": [], "batch_size": None} | more))) == {
+    given = ["--points", "64", "--objects", "train", "--samples", "20000", "--out", "run", *more]
+    found = _overrides(make_parser().parse_args(["train", "dagger", "--task", TASK, *given]))
+    assert found == {
         "algorithm.points": 64,
         "algorithm.objects": ["train"],
         "algorithm.rounds": 5,  # of 4,800 each
-        "steps": steps,
+        "steps": 7 * 24_000 // (batch_size or 128),
+        **({} if batch_size is None else {"batch_size": batch_size}),
     }
 
 

@@ -198,16 +198,15 @@ def _data(arguments: argparse.Namespace, screen: "_Screen") -> "TrainData | Roll
     return RolloutData(workers_of(arguments), screen.show_note)
 
 
-def _rollout_overrides(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Return the values that options of an interactive algorithm set."""
+def _rollout_overrides(arguments: argparse.Namespace, others: dict[str, Any]) -> dict[str, Any]:
+    """Return the values that options of an interactive algorithm set, beside others."""
     from artiskill.learning.train_config import INTERACTIVE, load_train_config
 
     if arguments.algorithm not in INTERACTIVE:
         return {}
     given = {"algorithm.points": arguments.points, "algorithm.objects": arguments.objects}
     if arguments.samples is not None:
-        own = {} if arguments.batch_size is None else {"batch_size": arguments.batch_size}
-        plain = load_train_config(arguments.algorithm, arguments.task, None, own | overrides_of(arguments.set))
+        plain = load_train_config(arguments.algorithm, arguments.task, None, others)
         values = plain.algorithm
         size = values["collectors"] * values["envs"] * values["rollout_steps"]
         given["algorithm.rounds"] = max(1, -(-arguments.samples // size))
@@ -226,8 +225,8 @@ def _overrides(arguments: argparse.Namespace) -> dict[str, Any]:
         "development.every": arguments.dev_every,
         "development.objects": _development_objects(arguments.dev_objects),
     }
-    own = {key: value for key, value in given.items() if value is not None}
-    return _rollout_overrides(arguments) | own | overrides_of(arguments.set)
+    own = {key: value for key, value in given.items() if value is not None} | overrides_of(arguments.set)
+    return _rollout_overrides(arguments, own) | own
 
 
 def _development_objects(given: list[str] | None) -> list[str] | None:

@@ -5,8 +5,6 @@ algorithm's `state_dict`.
 """
 
 import json
-import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +14,7 @@ import numpy as np
 
 from artiskill.config import check, check_inside, from_mapping, to_mapping
 from artiskill.errors import ArtiSkillError, ConfigError, PolicyError, check_name, shown
-from artiskill.files import atomic_write, check_archive, open_regular, output_path, parse_json
+from artiskill.files import DAMAGED_ARCHIVE, atomic_write, check_archive, open_regular, output_path, parse_json
 from artiskill.learning.array_networks import Weights, make_array_network
 from artiskill.learning.features import make_features
 from artiskill.learning.network_config import FRAMES, NetworkConfig
@@ -39,16 +37,6 @@ _PACKAGED = Path(__file__).with_name("pretrained")  # policies that come with th
 _HEADER = "header"
 _MOST_BYTES = 1_000_000_000  # the paper's largest network has 20 MB, twice in BCQ
 _MOST_POINTS, _MOST_AGENT, _MOST_ACTION = 1_000_000, 10_000, 1_000
-DAMAGED = (  # what reading of a damaged archive raises
-    OSError,
-    ValueError,
-    LookupError,
-    EOFError,
-    MemoryError,
-    NotImplementedError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
 
 
 @dataclass(frozen=True)
@@ -237,7 +225,7 @@ def _read(path: Path) -> tuple[Header, dict[str, np.ndarray]]:
         given = parse_json(str(values.pop(_HEADER)))
     except FileNotFoundError as error:
         raise PolicyError(f"there is no policy file {str(path)!r}") from error
-    except DAMAGED as error:
+    except DAMAGED_ARCHIVE as error:
         reason = getattr(error, "strerror", None) or "it is no file of `artiskill export-policy`, or cut off"
         raise PolicyError(f"cannot read {str(path)!r}: {reason}") from error
     if not isinstance(given, dict) or given.pop("format", None) != FORMAT:

@@ -32,7 +32,7 @@ from artiskill.tasks.task import Task
 
 GRIPS = len(Grip)
 GRIP_PHASES = tuple(grip.name.lower() for grip in Grip)  # where no expert says which phase it is in
-_TWIST, _ARM_JOINTS = 6, 7
+_TWIST = 6
 # what counts as 1 in a vector; typical, not the most
 _LINEAR_M_S, _ANGULAR_RAD_S, _TRUNK_M_S, _GAIN_S, _PRESS_N, _WIDTH_M = 0.8, 3.0, 0.6, 2.0, 50.0, 0.02
 _ROLL, _ROLLS, _SLOW_ROLL = 5, 3, 0.3  # place of the hand's roll in a motion; hardly, one way, the other; when
@@ -66,7 +66,7 @@ class CommandSpace:
         check_positive(self, "step_s", "close_speed_m_s", "arms")
         most = len(self.robot.mounts)
         check_value(self, "arms", self.arms <= most, f"must be at most {most}, those of the robot")
-        check_vector(self, "arm_qpos_rad", size=_ARM_JOINTS * self.arms)
+        check_vector(self, "arm_qpos_rad", size=self.arms * len(self.robot.initial.arm_qpos_rad))
 
     @property
     def motion_size(self) -> int:

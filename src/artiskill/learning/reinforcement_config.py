@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from artiskill.config import (
-    CONFIG_DIR,
     check,
     check_inside,
     check_not_negative,
@@ -21,11 +20,10 @@ from artiskill.config import (
 from artiskill.envs.options import env_count
 from artiskill.errors import ConfigError, RunError, check_name
 from artiskill.learning.run import CONFIG
-from artiskill.learning.train_config import check_same_values
+from artiskill.learning.train_config import check_same_values, file_values
 from artiskill.tasks.levels import check_level
 from artiskill.tasks.registry import task_spec
 
-_FOLDER = CONFIG_DIR / "learning"
 _MOST_STEPS = 10**9
 _MOST_ENTROPY = 0.69  # of a number in [-1, 1]: evenly spread
 
@@ -194,11 +192,7 @@ def load_reinforcement_config(
     """
     check_name("algorithm", name, REINFORCEMENT)
     task_spec(task)
-    files = [load_yaml(_FOLDER / f"{one}.yaml") for one in ("reinforcement", name)]
-    of_task = [file.pop("tasks", {}).get(task, {}) for file in files]
-    values: dict[str, Any] = {}
-    for layer in (*files, *of_task):
-        values = merge_overrides(values, layer)
+    values = file_values(("reinforcement", name), task)
     values |= {"task": task, "name": name, "objects": ("train",)}
     config = from_layers(
         ReinforcementConfig, lambda given: merge_overrides(values, given), overrides, f"{name}.yaml"

@@ -24,11 +24,11 @@ from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.envs.wrappers import Sampling, VectorPointCloudDownsample
 from artiskill.errors import ConfigError, DivergedError, RunError
 from artiskill.experts.variation import Disturbance, load_variation
-from artiskill.files import atomic_write
+from artiskill.files import DAMAGED_ARCHIVE, atomic_write
 from artiskill.jobs.fork_server import fork_server
 from artiskill.jobs.parallel import run_jobs
 from artiskill.jobs.worker import Send
-from artiskill.learning.array_policy import DAMAGED, make_actor
+from artiskill.learning.array_policy import make_actor
 from artiskill.learning.augmentation import Augmentation
 from artiskill.learning.batch import Batch, Observation, Sizes, Statistics
 from artiskill.learning.checkpoints import load_weights, make_algorithm, save_weights
@@ -229,7 +229,7 @@ class RoundBatches:
             self._records = np.concatenate((self._records, records.view(self._layout.dtype).reshape(-1)))
             self._labels = np.concatenate((self._labels.reshape(-1, labels.shape[1]), labels))
             return Counts(*counts.tolist())
-        except (*DAMAGED, TypeError) as error:
+        except (*DAMAGED_ARCHIVE, TypeError) as error:
             text = f"{str(job.path)!r} is damaged ({error}): remove it, and the same command collects it again"
             raise RunError(text) from error
 

@@ -47,7 +47,7 @@ OF_COMMANDS = ("dagger", "command_bc")  # these learn commands, all others actio
 MEASURED_SPLITS = ("test", "ood")  # what results are about: nothing is chosen by it
 
 _FOLDER = CONFIG_DIR / "learning"
-_SHARED = "train.yaml"
+_SHARED = "train"
 # seeds of generated objects, far from those that people train on; of these cabinets 10 have drawers and 17 doors
 DEVELOPMENT_SEEDS = {"cabinet": "1000000..1000023", "chair": "1000000..1000011", "bucket": "1000000..1000011"}
 _MOST_STEPS = 10**9
@@ -154,9 +154,7 @@ def load_train_config(
     network = network or (KINEMATIC if name in OF_COMMANDS else NETWORKS[0])
     check_name("network", network, (*NETWORKS, *[KINEMATIC] * (name in OF_COMMANDS)))
     spec = task_spec(task)
-    own = load_yaml(_FOLDER / f"{name}.yaml")
-    of_task = own.pop("tasks", {}).get(task, {})
-    values = merge_overrides(merge_overrides(load_yaml(_FOLDER / _SHARED), own), of_task)
+    values = file_values((_SHARED, name), task)
     values |= {"task": task, "name": name, "network": to_mapping(load_network_config(network))}
     if values["development"]["objects"] is None:
         values["development"]["objects"] = (f"generated:{spec.category}:{DEVELOPMENT_SEEDS[spec.category]}",)
@@ -170,6 +168,16 @@ def load_train_config(
         _fill_rollouts(values["algorithm"], task, spec.category)
     config = from_layers(TrainConfig, lambda given: merge_overrides(values, given), overrides, f"{name}.yaml")
     return _resolved(config)
+
+
+def file_values(names: Iterable[str], task: str) -> dict[str, Any]:
+    """Return the values of the package's files, each laid over those before, then what they say of a task."""
+    files = [load_yaml(_FOLDER / f"{name}.yaml") for name in names]
+    of_task = [file.pop("tasks", {}).get(task, {}) for file in files]
+    values: dict[str, Any] = {}
+    for layer in (*files, *of_task):
+        values = merge_overrides(values, layer)
+    return values
 
 
 def read_train_config(folder: Path) -> TrainConfig:
