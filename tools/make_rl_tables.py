@@ -159,8 +159,8 @@ def graded(task: str) -> list[tuple[str, str]]:
 def run(policy: Policy, work: Path) -> bool:
     """Train and measure a policy, as far as that is missing; return whether all commands succeeded."""
     folder = policy.folder(work)
-    reports = {folder / split: evaluate_command(policy, split, work) for split in policy.splits}
-    return finish(folder, train_command(policy, work), reports)
+    results = {folder / split / "report.json": evaluate_command(policy, split, work) for split in policy.splits}
+    return finish(folder, train_command(policy, work), results)
 
 
 def train_command(policy: Policy, work: Path) -> list[str]:

@@ -1,6 +1,7 @@
 """Make the table of generalising policies anew: `python tools/make_track_tables.py --jobs 2`.
 
-Each policy is a track, a task and a seed: trained, then measured on the standard protocols of `test` and `ood`.
+Each policy is a track, a task and a seed: trained, exported, then measured on the standard protocols of `test` and
+`ood`: its file acts with the same bits everywhere.
 Everything is a command of `artiskill`, printed as it starts. Whatever ends this script, the same command goes on.
 Policies whose rows are in the CSV file of the page are finished: without them they are made anew.
 `--stages train` leaves the test objects alone until all policies are there; nothing is chosen by them.
@@ -56,6 +57,10 @@ class Policy(NamedTuple):
     def folder(self, work: Path) -> Path:
         """Where it is trained and measured."""
         return work / self.track / self.task / f"seed-{self.seed}"
+
+    def file(self, work: Path) -> Path:
+        """What it is exported to."""
+        return self.folder(work) / "policy.npz"
 
     def reports(self, work: Path) -> dict[str, Path]:
         """Return the folder of its report by split."""
@@ -116,10 +121,11 @@ def run_all(policies: Sequence[Policy], options: argparse.Namespace) -> bool:
 def run(policy: Policy, work: Path, stages: Sequence[str]) -> bool:
     """Train and measure a policy, as far as that is missing; return whether all commands succeeded."""
     train = train_command(policy, work) if TRAIN in stages else None
-    reports = policy.reports(work).items() if EVALUATE in stages else ()
-    return finish(
-        policy.folder(work), train, {path: evaluate_command(policy, split, work) for split, path in reports}
-    )
+    results = {policy.file(work): ["export-policy", str(policy.folder(work) / "run"), str(policy.file(work))]}
+    if EVALUATE in stages:
+        for split, report in policy.reports(work).items():
+            results[report / "report.json"] = evaluate_command(policy, split, work)
+    return finish(policy.folder(work), train, results)
 
 
 def data_commands(task: str, work: Path, workers: int) -> list[list[str]]:
@@ -177,7 +183,7 @@ def train_command(policy: Policy, work: Path) -> list[str]:
 def evaluate_command(policy: Policy, split: str, work: Path) -> list[str]:
     """Return the command that measures on a split."""
     protocol = f"artiskill-1/{policy.task}/{split}/joint/pointcloud"
-    command = ["evaluate", "--policy", str(policy.folder(work) / "run"), "--protocol", protocol]
+    command = ["evaluate", "--policy", str(policy.file(work)), "--protocol", protocol]
     return [*command, "--track", policy.track, "--out", str(policy.reports(work)[split]), "--workers", "1"]
 
 

@@ -104,8 +104,10 @@ def wanted_of(options: argparse.Namespace) -> Iterator[Variant]:
 def run(variant: Variant, work: Path) -> bool:
     """Train and measure a variant, as far as that is missing; return whether all commands succeeded."""
     folder = variant.folder(work)
-    reports = {folder / name: evaluate_command(variant, name, work) for name in variant.measured_on}
-    return finish(folder, train_command(variant, work), reports)
+    results = {
+        folder / name / "report.json": evaluate_command(variant, name, work) for name in variant.measured_on
+    }
+    return finish(folder, train_command(variant, work), results)
 
 
 def train_command(variant: Variant, work: Path) -> list[str]:

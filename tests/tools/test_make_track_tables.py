@@ -23,7 +23,11 @@ def commands(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
         called.append(command)
         if command[0] == "train":
             Path(command[command.index("--out") + 1]).mkdir(parents=True)
+        elif command[0] == "export-policy":
+            assert Path(command[1]).is_dir()
+            Path(command[2]).touch()
         else:
+            assert Path(command[command.index("--policy") + 1]).is_file()
             seed = int(command[command.index("--policy") + 1].split("seed-")[1].split("/")[0])
             solved = 20 + 20 * seed if "OpenCabinetDrawer" in " ".join(command) else 10
             objects = [{"object": name, "episodes": 50, "successes": solved} for name in ("one", "two")]
@@ -48,7 +52,7 @@ def run(folder: Path, *options: str) -> int:
 def test_seeds_are_averaged_and_nothing_is_done_twice(tmp_path: Path, commands: list[list[str]]) -> None:
     options = ("--tasks", "OpenCabinetDrawer", "OpenCabinetDoor", "--seeds", "0", "1")
     assert run(tmp_path, *options) == 0
-    assert len(commands) == 2 * 2 * 3
+    assert len(commands) == 2 * 2 * 4
     rows = (tmp_path / "page.md").read_text().splitlines()
     assert (rows[0], rows[-1]) == ("before", "after")
     test_row = next(row for row in rows if row.startswith("| no-restrictions | test"))
@@ -73,14 +77,14 @@ def test_seeds_are_averaged_and_nothing_is_done_twice(tmp_path: Path, commands: 
 def test_training_leaves_test_objects_alone(tmp_path: Path, commands: list[list[str]]) -> None:
     options = ("--tasks", "MoveBucket", "--seeds", "3", "--stages")
     assert run(tmp_path, *options, "train") == 0
-    assert [command[0] for command in commands] == ["train"]
+    assert [command[0] for command in commands] == ["train", "export-policy"]
     assert run(tmp_path, *options, "evaluate") == 0
-    assert [command[0] for command in commands] == ["train", "evaluate", "evaluate"]
+    assert [command[0] for command in commands] == ["train", "export-policy", "evaluate", "evaluate"]
 
 
 def test_what_fails_is_not_measured(tmp_path: Path, commands: list[list[str]]) -> None:
     assert run(tmp_path, "--tasks", "PushChair", "MoveBucket", "--seeds", "0") == 1
-    assert [command[0] for command in commands] == ["train", "train", "evaluate", "evaluate"]
+    assert [command[0] for command in commands] == ["train", "train", "export-policy", "evaluate", "evaluate"]
 
 
 def test_commands_of_the_tracks() -> None:
@@ -106,7 +110,7 @@ def test_commands_of_the_tracks() -> None:
     _, make_set = data_commands("PushChair", work, 2)
     assert "--points 128 --method shares --frame robot" in " ".join(make_set)
     assert " ".join(evaluate_command(student, "ood", work)) == (
-        "evaluate --policy w/interactive-expert/PushChair/seed-2/run --protocol "
+        "evaluate --policy w/interactive-expert/PushChair/seed-2/policy.npz --protocol "
         "artiskill-1/PushChair/ood/joint/pointcloud --track interactive-expert "
         "--out w/interactive-expert/PushChair/seed-2/ood --workers 1"
     )

@@ -31,14 +31,14 @@ def call(command: list[str], environment: Mapping[str, str]) -> bool:
     return not done.returncode
 
 
-def finish(folder: Path, train: list[str] | None, reports: Mapping[Path, list[str]]) -> bool:
+def finish(folder: Path, train: list[str] | None, results: Mapping[Path, list[str]]) -> bool:
     """Train and measure a policy, as far as that is missing.
 
     Args:
         folder: of the policy, with a file `trained` once it is, which holds the command; nothing is measured
             before. After another command it is trained again: `artiskill train` goes on, or refuses.
         train: the command that trains; None to measure only what is trained.
-        reports: by their folders, the commands that measure.
+        results: the commands that follow, in this order, by the file that each writes when it is done.
 
     Returns:
         Whether all commands succeeded.
@@ -51,8 +51,7 @@ def finish(folder: Path, train: list[str] | None, reports: Mapping[Path, list[st
         if not call(train, environment):
             return False
         trained.write_text(shlex.join(train))
-    missing = [command for report, command in reports.items() if not (report / "report.json").is_file()]
-    return all(call(command, environment) for command in missing)
+    return all(call(command, environment) for file, command in results.items() if not file.is_file())
 
 
 def in_pool(run: Callable[[Policy], bool], policies: Iterable[Policy], jobs: int) -> bool:

@@ -20,12 +20,12 @@ def test_a_policy_is_trained_again_only_by_another_command(
 
     monkeypatch.setattr("learning_tables.commands.call", call)
     first, other, bad = (["train", "--seed", *last] for last in (("0",), ("1",), ("0", "--bad")))
-    assert finish(tmp_path, None, {tmp_path / "test": ["evaluate"]})
+    assert finish(tmp_path, None, {tmp_path / "report.json": ["evaluate"]})
     assert called == [], "it is not trained"
     for command in (first, first, other, first):
         assert finish(tmp_path, command, {})
     assert called == [first, other, first]
-    assert not finish(tmp_path, bad, {tmp_path / "test": ["evaluate"]})
+    assert not finish(tmp_path, bad, {tmp_path / "report.json": ["evaluate"]})
     assert called[-1] == bad, "nothing is measured"
-    assert finish(tmp_path, None, {tmp_path / "test": ["evaluate"]})
+    assert finish(tmp_path, None, {tmp_path / "report.json": ["evaluate"]})
     assert called[-1] == ["evaluate"]
