@@ -139,32 +139,35 @@ class PointEncoder(nn.Module):
         """
         state = None if state is None else state[:, None]
         if points.device.type == "cpu":
-            points, group = _gather(points, group, group)
+            points, group = _gather(points, group)
             if not self.means:
                 return self.norm(self._maxima(points, state, group))
-        each = self._each(points, state) * group[..., None]
+        each = relu(self._each(points, state)) * group[..., None]
         if not self.means:
             return self.norm(each.amax(1))
         mean = each[..., self.means :].sum(1) / group.sum(1, keepdim=True).clamp(min=1)
         return self.norm(torch.cat((each[..., : self.means].amax(1), mean), 1))
 
     def _each(self, points: Tensor, state: Tensor | None) -> Tensor:
-        """Return features (B, N, F) of each point, none below 0."""
+        """Return features (B, N, F) of each point; what is below 0 counts as 0."""
         in_place = not torch.is_grad_enabled()
-        x = relu(self.joint(points, state), in_place)
+        x = self.joint(points, state)
         for layer in self.layers:
-            x = relu(layer(x), in_place)
+            x = layer(relu(x, in_place))
         return x
 
     def _maxima(self, points: Tensor, state: Tensor | None, group: Tensor) -> Tensor:
         """Return the largest feature (B, F) of each channel."""
         parts = self._in_parts(points, state, group)
         if not torch.is_grad_enabled():
-            return torch.cat([each.amax(1) for each in parts])
+            return relu(torch.cat([each.amax(1) for each in parts]))
         wins = torch.cat([_find_winners(each) for each in parts])
-        points, group = _gather(points, group, wins.to(points.dtype))
+        if _most(wins) <= _WORTH_GATHERING * wins.shape[1]:
+            index = wins.to(points.dtype).topk(_most(wins), 1).indices
+            index = torch.where(wins.gather(1, index), index, index[:, :1])  # a winner twice moves no maximum
+            points, group = _pick(points, index), wins.any(1, keepdim=True)
         each = self._each(points, state)
-        return (each if group.all() else each * group[..., None]).max(1).values
+        return relu((each if group.all() else each * group[..., None]).max(1).values)
 
     @torch.no_grad()
     def _in_parts(self, points: Tensor, state: Tensor | None, group: Tensor) -> Iterator[Tensor]:
@@ -181,13 +184,22 @@ def _find_winners(each: Tensor) -> Tensor:
     return each.sub_(torch.where(best > 0, best, torch.inf)).amax(2) == 0
 
 
-def _gather(points: Tensor, group: Tensor, wanted: Tensor) -> tuple[Tensor, Tensor]:
-    """Return as many points (B, M, P) as hold all wanted ones of each cloud, and (B, M) which are in the group."""
-    most = max(1, int(wanted.sum(1).max()))
-    if most > _WORTH_GATHERING * wanted.shape[1]:
+def _gather(points: Tensor, group: Tensor) -> tuple[Tensor, Tensor]:
+    """Return as many points (B, M, P) as hold all of each cloud's group, and (B, M) which are in it."""
+    if _most(group) > _WORTH_GATHERING * group.shape[1]:
         return points, group
-    index = wanted.topk(most, 1).indices
-    return points.gather(1, index[..., None].expand(-1, -1, points.shape[2])), group.gather(1, index)
+    index = group.topk(_most(group), 1).indices
+    return _pick(points, index), group.gather(1, index)
+
+
+def _most(chosen: Tensor) -> int:
+    """Return how many points (B, N) are chosen of the cloud with the most, at least 1."""
+    return max(1, int(chosen.sum(1).max()))
+
+
+def _pick(points: Tensor, index: Tensor) -> Tensor:
+    """Return the points (B, M, P) that `index` (B, M) names of each cloud."""
+    return points.gather(1, index[..., None].expand(-1, -1, points.shape[2]))
 
 
 class Mlp(nn.Module):

@@ -7,6 +7,7 @@ memory, and can leave out whole visuals that no camera sees.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from PIL import Image
 from artiskill.assets.articulated_object import VisualMesh
 from artiskill.errors import AssetError
 from artiskill.geometry.kernel import Array
+from artiskill.geometry.meshes import TriMesh
 from artiskill.geometry.normals import corner_normals, is_closed
 
 WORLD_FIXED = -1
@@ -22,6 +24,7 @@ WORLD_FIXED = -1
 MIP_LEVELS = 10
 # the plane of a face that is drawn from behind too: no camera is behind it
 _NEVER_BEHIND = -1e30
+_SURFACES = 512  # meshes, about ten scenes of them
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,11 +116,12 @@ def build_scene_tables(visuals: Sequence[BodyVisual], crease_angle_rad: float, m
     vertices = _stack([m.vertices for m in meshes], (0, 3), np.float64)
     firsts = geoms["geom_vertices"][:-1]
     faces = _stack([m.faces + o for m, o in zip(meshes, firsts, strict=True)], (0, 3), np.int32)
-    is_open = np.repeat(np.array([not is_closed(m) for m in meshes], dtype=np.bool_), face_counts)
+    surfaces = [_surface(mesh, crease_angle_rad) for mesh in meshes]
+    is_open = np.repeat(np.array([not one.is_closed for one in surfaces], dtype=np.bool_), face_counts)
     vertex_body = np.repeat(geoms["geom_body"], np.diff(geoms["geom_vertices"]))
     two_sided = is_open & ~have_opposite_faces(vertices, vertex_body, faces)
     face_geom = np.repeat(np.arange(len(meshes), dtype=np.int32), face_counts)
-    normals = _stack([corner_normals(m, crease_angle_rad) for m in meshes], (0, 3, 3), np.float32)
+    normals = _stack([one.normals for one in surfaces], (0, 3, 3), np.float32)
     point_normals, face_rows = _lit_points(faces, face_geom, normals)
     textures, texels = pack_textures([item.visual for item in visuals], max_texture_px)
     return SceneTables(
@@ -133,6 +137,19 @@ def build_scene_tables(visuals: Sequence[BodyVisual], crease_angle_rad: float, m
         texels=texels,
         **geoms,
     )
+
+
+class _Surface(NamedTuple):
+    """What takes long to find out about a mesh."""
+
+    is_closed: bool
+    normals: Array  # of `corner_normals`, float32
+
+
+@lru_cache(maxsize=_SURFACES)
+def _surface(mesh: TriMesh, crease_angle_rad: float) -> _Surface:
+    """Return the surface of a mesh; robots are the same in all scenes."""
+    return _Surface(is_closed(mesh), corner_normals(mesh, crease_angle_rad).astype(np.float32))
 
 
 def _geom_tables(visuals: Sequence[BodyVisual]) -> dict[str, np.ndarray]:
