@@ -43,8 +43,8 @@ def test_evaluate_writes_shows_and_films(tmp_path: Path, capsys: Capture) -> Non
 
 def test_the_demo_is_the_commands_that_it_prints(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
     ran: list[argparse.Namespace] = []
-    for name in ("_run_evaluate", "_run_page"):
-        monkeypatch.setattr(f"artiskill.cli.evaluate.{name}", ran.append)
+    for name in ("evaluate._run_evaluate", "report._run_page"):
+        monkeypatch.setattr(f"artiskill.cli.{name}", ran.append)
     assert main(["demo", "--out", "some/where", "--workers", "1"]) == 0
     printed = capsys.readouterr().out
     commands = [line.split()[1:] for line in printed.splitlines() if line.startswith("artiskill ")]

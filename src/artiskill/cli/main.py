@@ -14,7 +14,7 @@ from artiskill.tasks.registry import load_task
 
 # command -> the module of this package that adds it, in the order of --help
 _MODULES = {
-    **{"demo": "evaluate", "evaluate": "evaluate", "report": "evaluate", "protocols": "info", "demos": "demos"},
+    **{"demo": "evaluate", "evaluate": "evaluate", "report": "report", "protocols": "info", "demos": "demos"},
     **{
         "training-set": "training_set",
         "train": "train",

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from artiskill.evaluation.failures import Failures
+    from artiskill.evaluation.groups import Group
     from artiskill.evaluation.report import Report
     from artiskill.evaluation.statistics import Comparison
     from artiskill.evaluation.stored_report import StoredReport
@@ -86,6 +87,33 @@ def print_failures(found: "Failures") -> None:
             table.add_row(str(count), share, kind.furthest, kind.final, lacked, "\n".join(most + more))
         console.print(table)
     console.print(f"{found.task}: {len(found.episodes)} of {found.played} episodes failed", soft_wrap=True)
+
+
+def print_groups(groups: Sequence["Group"]) -> None:
+    """Print the success of a report by traits of its objects to standard output, a section for each trait."""
+    from rich.markup import escape
+
+    table = make_table(["trait", "value"], ["objects", "solved", "rate", "95 % interval", "over objects"])
+    last = ""
+    for one in groups:
+        if last not in ("", one.trait.name):
+            table.add_section()
+        over = one.interval_over_objects
+        table.add_row(
+            one.trait.name if one.trait.name != last else "",
+            escape(one.trait.value),
+            str(one.objects),
+            f"{one.successes}/{len(one.episodes)}",
+            f"{one.success_rate:.0%}",
+            _range_text(one.interval),
+            "" if over is None else _range_text(over),
+        )
+        last = one.trait.name
+    make_console().print(table)
+
+
+def _range_text(interval: tuple[float, float]) -> str:
+    return f"{interval[0]:.0%} to {interval[1]:.0%}"
 
 
 def print_comparison(first: "StoredReport", second: "StoredReport", found: "Comparison") -> None:
