@@ -40,11 +40,13 @@ def test_every_episode_has_each_trait_once(tmp_path: Path, capsys: pytest.Captur
     level = next(group for group in groups if group.trait == ("joint", "level hinge"))
     assert {episode.object for episode in level.episodes} == {"cabinet-0086"}
     assert (level.objects, len(level.episodes)) == (1, LEVELS)
-    assert level.successes == next(row.stats.successes for row in report.rows if row.object == "cabinet-0086")
+    assert level.stats.successes == next(
+        row.stats.successes for row in report.rows if row.object == "cabinet-0086"
+    )
 
     assert main(["report", "groups", str(folder)]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert any("level hinge" in line and f"{level.successes}/{LEVELS}" in line for line in lines)
+    assert any("level hinge" in line and f"{level.stats.successes}/{LEVELS}" in line for line in lines)
 
 
 def test_the_least_successful_come_first(tmp_path: Path) -> None:
@@ -53,7 +55,7 @@ def test_the_least_successful_come_first(tmp_path: Path) -> None:
     assert 0 < report.success_rate < 1
     found = group_episodes(write_report(report, tmp_path))
     for name in ("family", "handle", "joint"):
-        rates = [group.success_rate for group in found if group.trait.name == name]
+        rates = [group.stats.success_rate for group in found if group.trait.name == name]
         assert rates == sorted(rates)
 
 

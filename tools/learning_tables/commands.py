@@ -38,7 +38,8 @@ def finish(folder: Path, train: list[str] | None, results: Mapping[Path, list[st
         folder: of the policy, with a file `trained` once it is, which holds the command; nothing is measured
             before. After another command it is trained again: `artiskill train` goes on, or refuses.
         train: the command that trains; None to measure only what is trained.
-        results: the commands that follow, in this order, by the file that each writes when it is done.
+        results: the commands that follow, in this order, by the file that each writes when it is done; files
+            that are older than the training are made again.
 
     Returns:
         Whether all commands succeeded.
@@ -51,7 +52,13 @@ def finish(folder: Path, train: list[str] | None, results: Mapping[Path, list[st
         if not call(train, environment):
             return False
         trained.write_text(shlex.join(train))
-    return all(call(command, environment) for file, command in results.items() if not file.is_file())
+    since = trained.stat().st_mtime_ns
+    wanted = [command for file, command in results.items() if not _is_written(file, since)]
+    return all(call(command, environment) for command in wanted)
+
+
+def _is_written(file: Path, since_ns: int) -> bool:
+    return file.is_file() and file.stat().st_mtime_ns >= since_ns
 
 
 def in_pool(run: Callable[[Policy], bool], policies: Iterable[Policy], jobs: int) -> bool:

@@ -11,7 +11,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from artiskill.cli import report
 from artiskill.cli.parser import (
     Parser,
     UsageError,
@@ -21,6 +20,7 @@ from artiskill.cli.parser import (
     overrides_of,
     workers_of,
 )
+from artiskill.cli.report import add_commands as add_report_commands
 
 if TYPE_CHECKING:  # imports that `artiskill --help` must not wait for
     from artiskill.evaluation.plan import EvaluationPlan
@@ -117,7 +117,7 @@ def _run_demo(arguments: argparse.Namespace) -> None:
     parser = Parser(prog="artiskill")
     commands = parser.add_subparsers()
     add_commands(commands)
-    report.add_commands(commands)
+    add_report_commands(commands)
     tasks = [arguments.task] if arguments.task else _DEMO_TASKS
     workers = [] if arguments.workers is None else ["--workers", str(arguments.workers)]
     for task in tasks:

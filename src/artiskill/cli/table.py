@@ -3,6 +3,7 @@
 import shutil
 import sys
 from collections.abc import Sequence
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -94,26 +95,14 @@ def print_groups(groups: Sequence["Group"]) -> None:
     from rich.markup import escape
 
     table = make_table(["trait", "value"], ["objects", "solved", "rate", "95 % interval", "over objects"])
-    last = ""
-    for one in groups:
-        if last not in ("", one.trait.name):
-            table.add_section()
-        over = one.interval_over_objects
-        table.add_row(
-            one.trait.name if one.trait.name != last else "",
-            escape(one.trait.value),
-            str(one.objects),
-            f"{one.successes}/{len(one.episodes)}",
-            f"{one.success_rate:.0%}",
-            _range_text(one.interval),
-            "" if over is None else _range_text(over),
-        )
-        last = one.trait.name
+    for name, of_trait in groupby(groups, lambda one: one.trait.name):
+        for place, one in enumerate(of_trait):
+            over = one.interval_over_objects
+            spread = f"{over[0]:.0%} to {over[1]:.0%}" if over else ""
+            shown = "" if place else name
+            table.add_row(shown, escape(one.trait.value), str(one.objects), *one.stats.cells(".0%")[:3], spread)
+        table.add_section()
     make_console().print(table)
-
-
-def _range_text(interval: tuple[float, float]) -> str:
-    return f"{interval[0]:.0%} to {interval[1]:.0%}"
 
 
 def print_comparison(first: "StoredReport", second: "StoredReport", found: "Comparison") -> None:

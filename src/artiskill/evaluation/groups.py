@@ -1,8 +1,8 @@
 """Success of a report's episodes by traits of their objects: which novelty does a policy not cope with?"""
 
-from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from functools import cache, partial
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,8 +11,14 @@ import numpy as np
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object
 from artiskill.assets.kinematics import joint_values, link_poses
-from artiskill.errors import ConfigError
-from artiskill.evaluation.statistics import EpisodeResult, Interval, object_interval, wilson_interval
+from artiskill.errors import ConfigError, UnknownNameError
+from artiskill.evaluation.statistics import (
+    EpisodeResult,
+    EpisodeStatistics,
+    Interval,
+    object_interval,
+    summarize,
+)
 from artiskill.evaluation.stored_report import read_report
 from artiskill.evaluation.verify import plan_again
 from artiskill.geometry.rotations import quat_rotate
@@ -34,42 +40,25 @@ class Trait(NamedTuple):
     value: str
 
 
-@dataclass
-class Group:
+class Group(NamedTuple):
     """Episodes on objects with one trait.
 
     Attributes:
         trait: of the objects.
         episodes: in the report's order.
+        stats: of the episodes.
+        interval_over_objects: 95 % interval of the rate by bootstrap over objects; None if all are alike.
     """
 
     trait: Trait
-    episodes: list[EpisodeResult] = field(default_factory=list)
+    episodes: tuple[EpisodeResult, ...]
+    stats: EpisodeStatistics
+    interval_over_objects: Interval | None
 
     @property
     def objects(self) -> int:
         """How many objects the episodes are on."""
         return len({one.object for one in self.episodes})
-
-    @property
-    def successes(self) -> int:
-        """How many of the episodes were solved."""
-        return Counter(one.success for one in self.episodes)[True]
-
-    @property
-    def success_rate(self) -> float:
-        """Share of the episodes that were solved."""
-        return self.successes / len(self.episodes)
-
-    @property
-    def interval(self) -> Interval:
-        """95 % Wilson interval of the rate: on these objects."""
-        return wilson_interval(self.successes, len(self.episodes))
-
-    @property
-    def interval_over_objects(self) -> Interval | None:
-        """95 % interval of the rate by bootstrap over objects; None if all are alike."""
-        return object_interval(self.episodes)
 
 
 def group_episodes(folder: Path | str, objects: Sequence[str | ArticulatedObject] = ()) -> list[Group]:
@@ -85,7 +74,7 @@ def group_episodes(folder: Path | str, objects: Sequence[str | ArticulatedObject
     """
     stored = read_report(folder)
     episodes, batches = iter(stored.episodes()), plan_again(stored.report, objects).batches
-    groups: dict[Trait, Group] = {}
+    found: dict[Trait, list[EpisodeResult]] = {}
     for row, batch in zip(stored.report.objects, batches, strict=True):
         if batch.content_hash != row.content_hash:
             raise ConfigError(
@@ -93,11 +82,12 @@ def group_episodes(folder: Path | str, objects: Sequence[str | ArticulatedObject
                 f"{batch.content_hash}, not {row.content_hash}"
             )
         obj = load_object(batch.object) if isinstance(batch.object, str) else batch.object
-        for _ in range(row.episodes):
-            episode = next(episodes)
-            for trait in traits_of(obj, episode.target):
-                groups.setdefault(trait, Group(trait)).episodes.append(episode)
-    return sorted(groups.values(), key=lambda one: (one.trait.name, one.success_rate, one.trait.value))
+        traits = cache(partial(traits_of, obj))
+        for episode in islice(episodes, row.episodes):
+            for trait in traits(episode.target):
+                found.setdefault(trait, []).append(episode)
+    groups = [Group(trait, tuple(own), summarize(own), object_interval(own)) for trait, own in found.items()]
+    return sorted(groups, key=lambda one: (one.trait.name, one.stats.success_rate, one.trait.value))
 
 
 def traits_of(obj: ArticulatedObject, target: str) -> list[Trait]:
@@ -106,10 +96,11 @@ def traits_of(obj: ArticulatedObject, target: str) -> list[Trait]:
     Raises:
         ConfigError: it has no such link.
     """
-    index = next((i for i, link in enumerate(obj.links) if link.name == target), None)
-    if index is None:
-        raise ConfigError(f"object {obj.id!r} has no link {target!r}, which the report names")
-    held = [one for one in obj.handles if one.link == target] or obj.handles
+    try:
+        index = obj.link_index(target)
+    except UnknownNameError as error:
+        raise ConfigError(f"object {obj.id!r} has no link {target!r}, which the report names") from error
+    held = obj.handles_of(target) or obj.handles
     found = [Trait("family", str(obj.metadata.get("family", NONE)))]
     if held:
         found.append(Trait("handle", ", ".join(sorted({one.kind for one in held}))))

@@ -162,8 +162,8 @@ class PointEncoder(nn.Module):
         if not torch.is_grad_enabled():
             return relu(torch.cat([each.amax(1) for each in parts]))
         wins = torch.cat([_find_winners(each) for each in parts])
-        if _most(wins) <= _WORTH_GATHERING * wins.shape[1]:
-            index = wins.to(points.dtype).topk(_most(wins), 1).indices
+        index = _gathered(wins.to(points.dtype))
+        if index is not None:
             index = torch.where(wins.gather(1, index), index, index[:, :1])  # a winner twice moves no maximum
             points, group = _pick(points, index), wins.any(1, keepdim=True)
         each = self._each(points, state)
@@ -186,15 +186,14 @@ def _find_winners(each: Tensor) -> Tensor:
 
 def _gather(points: Tensor, group: Tensor) -> tuple[Tensor, Tensor]:
     """Return as many points (B, M, P) as hold all of each cloud's group, and (B, M) which are in it."""
-    if _most(group) > _WORTH_GATHERING * group.shape[1]:
-        return points, group
-    index = group.topk(_most(group), 1).indices
-    return _pick(points, index), group.gather(1, index)
+    index = _gathered(group)
+    return (points, group) if index is None else (_pick(points, index), group.gather(1, index))
 
 
-def _most(chosen: Tensor) -> int:
-    """Return how many points (B, N) are chosen of the cloud with the most, at least 1."""
-    return max(1, int(chosen.sum(1).max()))
+def _gathered(chosen: Tensor) -> Tensor | None:
+    """Return which points (B, M) hold all chosen ones (B, N) of each cloud; None where that spares too few."""
+    most = max(1, int(chosen.sum(1).max()))
+    return chosen.topk(most, 1).indices if most <= _WORTH_GATHERING * chosen.shape[1] else None
 
 
 def _pick(points: Tensor, index: Tensor) -> Tensor:
