@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import spearmanr
 
-from artiskill.assets.catalog import load_object, resolve_objects
+from artiskill.assets.catalog import object_of, resolve_objects
 from artiskill.assets.similarity import NEAR_DUPLICATE_M, Descriptor, describe, nearest_neighbour
 from artiskill.config import check
 from artiskill.errors import ArtiSkillError
@@ -107,7 +107,7 @@ def _nearest(one: Descriptor, others: Sequence[Descriptor]) -> tuple[str, float]
 def _described(names: Sequence[str], task: str) -> list[Descriptor]:
     """Describe the objects that a task can use."""
     found = resolve_objects(names, task=task)
-    return [describe(load_object(one) if isinstance(one, str) else one) for one in found]
+    return [describe(object_of(one)) for one in found]
 
 
 def distances_text(found: Sequence[Novelty]) -> str:

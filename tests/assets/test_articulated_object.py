@@ -72,6 +72,19 @@ def an_object(**changes: Any) -> ArticulatedObject:
     return ArticulatedObject(**(values | changes))
 
 
+@pytest.mark.parametrize(
+    ("metadata", "family"),
+    [
+        ({"family": "sideboard", "model_category": "Table", "source": "mine"}, "sideboard"),
+        ({"model_category": "Table", "source": "mine"}, "Table"),
+        ({"source": "mine"}, "mine"),
+        ({}, "unknown"),
+    ],
+)
+def test_families(metadata: dict[str, str], family: str) -> None:
+    assert an_object(metadata=metadata).family == family
+
+
 def test_joints_belong_to_links() -> None:
     assert an_object().jointed_links == (1, 3, 4)
 

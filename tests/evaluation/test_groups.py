@@ -81,7 +81,8 @@ def test_a_cabinet_on_its_side_has_other_hinges() -> None:
     standing = load_object("cabinet-0006")
     door = target_of(standing, "revolute")
     assert Trait("joint", "level hinge") in traits_of(turned(standing, "lying"), door)
-    assert Trait("family", "none") in traits_of(replace(standing, metadata={}), door)
+    imported = replace(standing, metadata={"model_category": "StorageFurniture"})
+    assert Trait("family", "StorageFurniture") in traits_of(imported, door)
 
 
 def test_objects_are_those_of_the_report(tmp_path: Path) -> None:

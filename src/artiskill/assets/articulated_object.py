@@ -209,6 +209,12 @@ class ArticulatedObject:
                 raise AssetError(f"object {self.id!r}: a handle's link {handle.link!r} is none of {names}")
 
     @property
+    def family(self) -> str:
+        """What kind of cabinet, chair or bucket it is; of an imported one, its source's category or its source."""
+        meta = self.metadata
+        return str(meta.get("family", meta.get("model_category", meta.get("source", "unknown"))))
+
+    @property
     def jointed_links(self) -> tuple[int, ...]:
         """Indices of the links that have a joint; joint k of the object belongs to the k-th of them."""
         return tuple(i for i, link in enumerate(self.links) if link.joint is not None)

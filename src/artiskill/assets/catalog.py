@@ -172,6 +172,15 @@ def object_id_of(item: str | ArticulatedObject) -> str:
     return item if isinstance(item, str) else item.id
 
 
+def object_of(item: str | ArticulatedObject) -> ArticulatedObject:
+    """Return the object of an element of `resolve_objects`' result.
+
+    Raises:
+        UnknownNameError, AssetError: as `load_object`.
+    """
+    return load_object(item) if isinstance(item, str) else item
+
+
 def checked_hash(item: str | ArticulatedObject) -> str:
     """Return an object's content hash; an object with a catalogue id must have the catalogue's hash.
 
@@ -181,7 +190,7 @@ def checked_hash(item: str | ArticulatedObject) -> str:
     Raises:
         AssetError: it has another hash.
     """
-    found = load_object(item) if isinstance(item, str) else item
+    found = object_of(item)
     given, listed = found.content_hash, read_catalog().get(found.id)
     if listed is not None and listed[1].content_hash != given:
         raise AssetError(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from artiskill import __version__
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.catalog import load_object, object_id_of
+from artiskill.assets.catalog import object_id_of, object_of
 from artiskill.assets.similarity import NEAR_DUPLICATE_M, Descriptor, describe, nearest_neighbours
 from artiskill.checks.config import ChecksConfig, default_checks_config
 from artiskill.checks.context import CheckContext, CheckResult, at_least, failed
@@ -198,7 +198,7 @@ def _examine(job: tuple[Item, ChecksConfig], send: Send) -> tuple[ObjectReport, 
     (item, config), descriptor = job, None
     start = time.perf_counter()
     try:
-        obj = load_object(item) if isinstance(item, str) else item
+        obj = object_of(item)
         results = check_object(obj, config)
         descriptor = describe(obj, config.descriptor) if any(link.visuals for link in obj.links) else None
     except ArtiSkillError as error:

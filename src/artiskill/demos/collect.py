@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from artiskill.assets.articulated_object import LEGAL_ID
-from artiskill.assets.catalog import load_object
+from artiskill.assets.catalog import object_of
 from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.demonstrator import CollectJob, DemoAttempt, fault_kind, run_collect_job
 from artiskill.demos.demos import (
@@ -207,7 +207,7 @@ class Collection:
         attempts = [known[key] for key in counted]
         faults = {key: fault_kind(attempt.fault) for key, attempt in known.items()}
         counts = tuple(_count(queue, faults) for queue in queues)
-        obj = load_object(one.item) if isinstance(one.item, str) else one.item
+        obj = object_of(one.item)
         header = make_header(obj, self._plan.settings, counts, self._plan.flag_names, attempts)
         path = self._folder / file_name(one.id)
         write_object_file(path, header, attempts)

@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.catalog import is_nameable, load_object
+from artiskill.assets.catalog import is_nameable, object_of
 from artiskill.assets.names import partnet_id
 from artiskill.demos.file_format import ATTEMPT_TYPE, ATTEMPTS, Header
 from artiskill.demos.hdf5 import (
@@ -283,8 +283,7 @@ class DemoFile(TrajectoryFile):
         """
         wanted = self.header.content_hash
         try:
-            found = self._named_object() if given is None else given
-            found = load_object(found) if isinstance(found, str) else found
+            found = object_of(self._named_object() if given is None else given)
         except ArtiSkillError as error:
             raise DemoError(f"{str(self.path)!r}: cannot load its object: {error} ({_ADVICE})") from error
         if found.content_hash != wanted:

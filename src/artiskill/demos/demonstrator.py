@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.catalog import load_object, object_id_of
+from artiskill.assets.catalog import object_id_of, object_of
 from artiskill.config import merge_overrides
 from artiskill.demos.recording import Actor, Recording, record, rounded
 from artiskill.demos.settings import Agent, Settings, load_demos_config
@@ -204,7 +204,7 @@ class CollectJob:
 
 def run_collect_job(job: CollectJob, send: Callable[[DemoAttempt], None]) -> None:
     """Make the attempts of a job, and send each."""
-    obj = load_object(job.object) if isinstance(job.object, str) else job.object
+    obj = object_of(job.object)
     env = job.settings.make_env([obj])
     bits = job.settings.store.action_bits
     demonstrator = (

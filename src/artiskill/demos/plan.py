@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.catalog import checked_hash, load_object, resolve_objects
+from artiskill.assets.catalog import checked_hash, object_of, resolve_objects
 from artiskill.config import check
 from artiskill.demos.settings import (
     CONTROLLER,
@@ -250,7 +250,7 @@ def _expert_info(task: Task, options: CollectionOptions) -> ExpertInfo:
 
 
 def _plan_object(task: Task, item: str | ArticulatedObject, wanted: tuple[str, ...] | None) -> ObjectPlan:
-    obj = load_object(item) if isinstance(item, str) else item
+    obj = object_of(item)
     targets = task.targets(obj)
     chosen = targets if wanted is None else tuple(name for name in targets if name in wanted)
     if not chosen:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.catalog import load_object
+from artiskill.assets.catalog import object_of
 from artiskill.demos.demo_file import DemoFile, Trajectory
 from artiskill.demos.demonstrator import RecordedActions
 from artiskill.demos.demos import FileEntry, check_file, check_listed, read_manifest
@@ -81,7 +81,7 @@ def verify(
     """
     folder = checked_path(folder)
     check_workers(workers)
-    loaded = [load_object(one) if isinstance(one, str) else one for one in objects]
+    loaded = [object_of(one) for one in objects]
     manifest, given = read_manifest(folder), {obj.id: obj for obj in loaded}
     results: dict[str, VerifyResult] = {}
     jobs: list[_Job] = []

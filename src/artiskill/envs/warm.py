@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-from artiskill.assets.catalog import load_object
+from artiskill.assets.catalog import object_of
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.envs.options import CONTROL_MODES
 from artiskill.envs.sampling import EpisodeSampler, ObjectChoice
@@ -39,7 +39,7 @@ def warm_scenes(task: str, objects: ObjectChoice = "train", config: Mapping[str,
     made = make_task(task, config)
     choices = EpisodeSampler(made, objects).choices[:CAPACITY]
     for choice in choices:
-        obj = load_object(choice) if isinstance(choice, str) else choice
+        obj = object_of(choice)
         cached_scene(made.robot, obj, made.physics, made.props)
     return len(choices)
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.catalog import load_object
+from artiskill.assets.catalog import object_of
 from artiskill.assets.kinematics import joint_values, link_poses
 from artiskill.errors import ConfigError, UnknownNameError
 from artiskill.evaluation.statistics import (
@@ -31,8 +31,8 @@ class Trait(NamedTuple):
     """What some objects have in common, and others have not.
 
     Attributes:
-        name: `family` of the object, as its generator says; `handle`, the kind of the target's handle, or of the
-            object's, if any; `joint` of a cabinet's target: `slide`, `upright hinge` or `level hinge`.
+        name: `family` of the object (`ArticulatedObject.family`); `handle`, the kind of the target's handle, or of
+            the object's, if any; `joint` of a cabinet's target: `slide`, `upright hinge` or `level hinge`.
         value: of this one.
     """
 
@@ -81,7 +81,7 @@ def group_episodes(folder: Path | str, objects: Sequence[str | ArticulatedObject
                 f"object {row.object!r} is another one than the report's: its content hash is "
                 f"{batch.content_hash}, not {row.content_hash}"
             )
-        obj = load_object(batch.object) if isinstance(batch.object, str) else batch.object
+        obj = object_of(batch.object)
         traits = cache(partial(traits_of, obj))
         for episode in islice(episodes, row.episodes):
             for trait in traits(episode.target):
@@ -101,7 +101,7 @@ def traits_of(obj: ArticulatedObject, target: str) -> list[Trait]:
     except UnknownNameError as error:
         raise ConfigError(f"object {obj.id!r} has no link {target!r}, which the report names") from error
     held = obj.handles_of(target) or obj.handles
-    found = [Trait("family", str(obj.metadata.get("family", NONE)))]
+    found = [Trait("family", obj.family)]
     if held:
         found.append(Trait("handle", ", ".join(sorted({one.kind for one in held}))))
     if obj.category == "cabinet":

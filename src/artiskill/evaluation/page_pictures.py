@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.catalog import load_object, object_id_of
+from artiskill.assets.catalog import object_id_of, object_of
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError
 from artiskill.evaluation.evaluate import prepare_workers, run_episode
@@ -143,7 +143,7 @@ def draw_objects(items: Sequence[str | ArticulatedObject], workers: int) -> dict
 
 
 def _draw_object(item: str | ArticulatedObject, send: Send) -> tuple[str, bytes]:
-    obj = load_object(item) if isinstance(item, str) else item
+    obj = object_of(item)
     view = ObjectView(obj)
     camera = view.camera((CLOSED, _OPEN), OrbitView(_OBJECT_WIDTH, _OBJECT_HEIGHT))
     return obj.id, _webp([view.draw(_OPEN, camera)], _OBJECT_QUALITY)

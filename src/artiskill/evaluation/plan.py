@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.catalog import checked_hash, load_object, object_id_of, resolve_objects
+from artiskill.assets.catalog import checked_hash, object_id_of, object_of, resolve_objects
 from artiskill.config import check_line, from_mapping, merge_overrides, to_mapping
 from artiskill.envs.control import JOINT
 from artiskill.envs.manipulation import ManipulationEnv, ObjectChoice
@@ -347,4 +347,4 @@ def _levels(episodes: object, first_level: object) -> tuple[int, ...]:
 def _targets(task: Task, item: str | ArticulatedObject, target: str | None) -> tuple[str | None, ...]:
     if target != ALL_TARGETS:
         return (target,)
-    return task.targets(load_object(item) if isinstance(item, str) else item)
+    return task.targets(object_of(item))

@@ -12,7 +12,7 @@ from typing import Any
 
 from artiskill import __version__
 from artiskill.assets.articulated_object import ArticulatedObject
-from artiskill.assets.catalog import load_object, object_id_of
+from artiskill.assets.catalog import object_id_of, object_of
 from artiskill.assets.exported_folder import MARKER, checksums, read_marker
 from artiskill.errors import ConfigError, check_name
 from artiskill.exports.glb import write_glb
@@ -91,7 +91,7 @@ def export_objects(
         object_id = object_id_of(item)
         _check_replaceable(above / object_id, object_id, name, force)
     for item in items:
-        obj = load_object(item) if isinstance(item, str) else item
+        obj = object_of(item)
         yield obj, export_object(obj, name, above / obj.id, force)
 
 

@@ -71,7 +71,7 @@ def object_facts(obj: ArticulatedObject) -> ObjectFacts:
         id=obj.id,
         category=obj.category,
         split=split_of(obj),
-        family=str(meta.get("family", meta.get("model_category", meta.get("source", "unknown")))),
+        family=obj.family,
         size_m=(depth, width, height),
         mass_kg=round(object_mass_kg(obj), 3),
         joints=tuple(_joint_facts(link.joint, link.name) for link in obj.links if link.joint is not None),

@@ -15,7 +15,7 @@ import numpy as np
 
 from artiskill import __version__
 from artiskill.assets.articulated_object import CATEGORIES, ArticulatedObject
-from artiskill.assets.catalog import load_object, object_id_of
+from artiskill.assets.catalog import object_id_of, object_of
 from artiskill.errors import ConfigError
 from artiskill.files import atomic_write, output_path
 from artiskill.gallery.facts import (
@@ -114,7 +114,7 @@ def make_gallery(
 
 def _draw(job: _Job, send: Send) -> tuple[ObjectFacts, str]:
     """Draw one object unless its picture is there; its facts and the picture's name."""
-    obj = load_object(job.item) if isinstance(job.item, str) else job.item
+    obj = object_of(job.item)
     path = job.folder / frames_name(obj, job.config)
     try:
         if not path.is_file():

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from artiskill.assets.articulated_object import ArticulatedObject, Joint
-from artiskill.assets.catalog import load_object, object_id_of
+from artiskill.assets.catalog import object_id_of, object_of
 from artiskill.assets.kinematics import drawn_points, link_poses
 from artiskill.checks.context import CheckResult
 from artiskill.checks.runner import check_object
@@ -57,7 +57,7 @@ class ObjectPage:
 
     def _enter(self, name: str) -> tuple[ArticulatedObject, SceneView]:
         item = self._items[name]
-        obj = load_object(item) if isinstance(item, str) else item
+        obj = object_of(item)
         view = SceneView(self._server, object_bodies(obj), obj)
         poses = link_poses(obj, obj.rest_qpos)
         view.set_poses(*poses)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from artiskill.assets.catalog import list_objects, load_object
+from artiskill.assets.catalog import list_objects, object_id_of, object_of
 from artiskill.config import check
 from artiskill.demos.demo_file import DemoFile
 from artiskill.demos.demos import Demos
@@ -92,15 +92,13 @@ class LivePicker(Picker):
         self._picture.image = self._draw()
 
     def _object_name(self) -> str:
-        given = self._choice.object
-        return given if isinstance(given, str) else given.id
+        return object_id_of(self._choice.object)
 
     def _objects(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys((self._object_name(), *_object_names(self._choice.task))))
 
     def _found(self) -> Any:
-        given = self._choice.object
-        return load_object(given) if isinstance(given, str) else given
+        return object_of(self._choice.object)
 
     def _targets(self) -> tuple[str, ...]:
         return (DRAWN_BY_LEVEL, *make_task(self._choice.task, self._choice.config).targets(self._found()))
