@@ -10,7 +10,7 @@ bootstrap = @$(PYTHON) tools/bootstrap.py --venv $(VENV)
 python = $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-dev demo test test-slow test-learn test-viewer test-rl test-lerobot test-doors test-ray test-openpi test-gltf lint types format bench docs site clean clean-env
+.PHONY: help setup setup-dev demo test test-computed test-slow test-learn test-viewer test-rl test-lerobot test-doors test-ray test-openpi test-gltf lint types format bench docs site clean clean-env
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
@@ -28,6 +28,12 @@ demo: ## open drawers and doors of unseen cabinets; reports, films and pages in 
 test: ## run the tests that take seconds
 	$(bootstrap) test
 	$(python) -m pytest -n $(WORKERS)
+
+# what must be the same on every Python, and the command line above it
+computed = $(addprefix tests/,contract assets geometry robots scene sim sensors tasks envs experts learning cli)
+test-computed: ## run the part of the tests that is about what is computed, in half of the time
+	$(bootstrap) test
+	$(python) -m pytest $(computed) $(wildcard tests/test_*.py) -n $(WORKERS)
 
 test-slow: ## run the tests that take minutes
 	$(bootstrap) test

@@ -258,7 +258,7 @@ def evaluation(folder: Path, policy: str, workers: int, *arguments: str) -> Iter
     assert {path.name.split("-")[0] for path in folder.iterdir()} == {"acts", "solution.py"}
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_ctrl_c_is_quiet(tmp_path: Path, workers: int) -> None:
     arguments = ["--objects", "test", "--episodes", "10000"]
     with evaluation(tmp_path, "    return [0.0] * 13\n", workers, *arguments) as process:
@@ -270,7 +270,7 @@ def test_ctrl_c_is_quiet(tmp_path: Path, workers: int) -> None:
     assert not processes_of(process.pid)
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_ctrl_c_ends_a_policy_that_hangs(tmp_path: Path, workers: int) -> None:
     """Whatever it does about the signal, which it never sees."""
     arguments = ["--objects", "cabinet-0005", "cabinet-0010"]

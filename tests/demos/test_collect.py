@@ -86,7 +86,7 @@ def test_two_workers_make_the_same_files(drawers: Path, plan: MakePlan, tmp_path
     assert contents(tmp_path / "two") == contents(drawers)
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_a_killed_collection_goes_on(
     drawers: Path, root: Path, plan: MakePlan, tmp_path: Path, workers: int
 ) -> None:
@@ -230,7 +230,7 @@ def test_chosen_targets(plan: MakePlan, drawers: Path, tmp_path: Path) -> None:
         plan(objects=["cabinet-0026"], targets=[chosen, f"{chosen}0"])
 
 
-@pytest.mark.parametrize("most_bytes", [20_000, 30_000])
+@pytest.mark.parametrize("most_bytes", [20_000, pytest.param(30_000, marks=pytest.mark.slow)])
 def test_a_full_disk_damages_nothing(
     drawers: Path, root: Path, plan: MakePlan, tmp_path: Path, most_bytes: int
 ) -> None:
@@ -280,7 +280,7 @@ module.collect(drawer_plan(), sys.argv[2], on_attempt=lambda attempt: os._exit(9
     ("when", "missing", "beside"),
     [
         ("first", ["cabinet-0002", "cabinet-0026"], []),
-        ("boundary", ["cabinet-0026"], []),
+        pytest.param("boundary", ["cabinet-0026"], [], marks=pytest.mark.slow),
         ("between", ["cabinet-0002", "cabinet-0026"], ["cabinet-0002.h5"]),
     ],
 )

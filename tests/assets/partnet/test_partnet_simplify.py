@@ -41,7 +41,10 @@ def test_shares_go_with_the_root_and_the_small_keep_all():
     [
         carving((1.0, 0.5), 0.03, 120, 1),
         block((-0.3, -0.6, -0.7), (0.3, -0.57, 0.7), 0.006, 5),
-        moulding(np.array([(0.3, -0.6), (-0.3, -0.6), (-0.3, 0.6), (0.3, 0.6)]), fine_ogee(1000)),
+        pytest.param(
+            moulding(np.array([(0.3, -0.6), (-0.3, -0.6), (-0.3, 0.6), (0.3, 0.6)]), fine_ogee(1000)),
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=["carving", "board of needles", "moulding of needles"],
 )
