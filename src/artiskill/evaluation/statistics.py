@@ -158,11 +158,10 @@ def cluster_interval(sums: Sequence[int], counts: Sequence[int]) -> Interval | N
     Returns:
         Lower and upper bound; None where all clusters have the same mean: nothing is known of their spread.
     """
-    from scipy.stats import bootstrap
-
     totals, sizes = np.asarray(sums, dtype=np.float64), np.asarray(counts, dtype=np.float64)
     if (totals * sizes[0] == totals[0] * sizes).all():
         return None
+    from scipy.stats import bootstrap  # half a second
 
     def mean_of(totals: np.ndarray, sizes: np.ndarray, axis: int = -1) -> np.ndarray:
         found: np.ndarray = totals.sum(axis=axis) / sizes.sum(axis=axis)
