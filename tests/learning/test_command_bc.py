@@ -19,6 +19,7 @@ from artiskill.learning.array_policy import ArrayPolicy
 from artiskill.learning.command_bc import DemonstratedCommands, demonstrated_space
 from artiskill.learning.commands import ActionReader, CommandActor
 from artiskill.learning.policy import RunPolicy, export_policy
+from artiskill.learning.recovery import RecoveryConfig
 from artiskill.learning.run import LATEST
 from artiskill.learning.train import TrainData, train
 from artiskill.learning.training_set import TrainingSet
@@ -99,7 +100,9 @@ def test_the_robot_is_the_one_that_demonstrated() -> None:
 def test_a_run_acts_with_and_without_torch(data: Path, tmp_path: Path) -> None:
     folder = run(tmp_path / "run", data, 20)
     header = export_policy(folder, tmp_path / "policy.npz")
-    assert header.algorithm == "command_bc"
+    assert (header.algorithm, header.recovery) == ("command_bc", None)
+    recovering = export_policy(folder, tmp_path / "recovering.npz", recovery=True).recovery
+    assert recovering == ArrayPolicy(tmp_path / "recovering.npz").header.recovery == RecoveryConfig()
     rng = np.random.default_rng(1)
     cloud = {
         "xyz": rng.normal(size=(SIZES.points, 3)).astype(np.float32),

@@ -56,6 +56,14 @@ def test_where_no_file_can_be_written(
     assert error.count("\n") == 1
 
 
+def test_only_commands_recover(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["export-policy", str(run), str(tmp_path / "policy.npz"), "--recovery"]) == 2
+    assert (
+        capsys.readouterr().err == "error: recovery needs commands, which dagger and command_bc learn, not td3bc\n"
+    )
+    assert not (tmp_path / "policy.npz").exists()
+
+
 def test_what_is_no_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["export-policy", str(tmp_path), str(tmp_path / "policy.npz")]) == 2
     assert "is a folder, but of no training run" in capsys.readouterr().err

@@ -19,6 +19,8 @@ def add_commands(commands: Any) -> None:
     parser = add_command(commands, "export-policy", _export_policy, summary, _EPILOG)
     parser.add_argument("folder", type=Path, metavar="RUN", help="folder of the run, or one of its checkpoints")
     parser.add_argument("file", type=Path, metavar="FILE", help="file to write, .npz")
+    recovery = "give a command of another kind where it stands still; of dagger and command_bc"
+    parser.add_argument("--recovery", action="store_true", help=recovery)
 
 
 def _export_policy(arguments: argparse.Namespace) -> None:
@@ -27,7 +29,7 @@ def _export_policy(arguments: argparse.Namespace) -> None:
     check_torch("exporting a policy")
     from artiskill.learning.policy import export_policy
 
-    header = export_policy(arguments.folder, arguments.file)
+    header = export_policy(arguments.folder, arguments.file, arguments.recovery)
     size = arguments.file.stat().st_size / 1e6
     print(f"exported: {arguments.file} ({size:.1f} MB), {header.algorithm} of {arguments.folder}")
     print(f"measure it: artiskill evaluate --task {header.task} --policy {arguments.file}")

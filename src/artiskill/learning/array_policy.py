@@ -19,6 +19,7 @@ from artiskill.learning.array_networks import Weights, make_array_network
 from artiskill.learning.features import make_features
 from artiskill.learning.network_config import FRAMES, NetworkConfig
 from artiskill.learning.observation import MOST_MASKS, ObservationArrays, ObservationLayout
+from artiskill.learning.recovery import Recovery, RecoveryConfig
 
 if TYPE_CHECKING:  # it needs the engine's kernels
     from artiskill.learning.commands import CommandActor
@@ -55,6 +56,7 @@ class Header:
     action: int  # numbers in an action
     network: NetworkConfig
     commands: dict[str, Any] = field(default_factory=dict)  # a `CommandSpace`, where the network gives commands
+    recovery: RecoveryConfig | None = None  # what is done where commands move nothing, if anything
 
     def __post_init__(self) -> None:
         check_name("algorithm", self.algorithm, PARTS)
@@ -66,6 +68,8 @@ class Header:
         frame = self.sampling.get("frame", FRAMES[0])
         check(frame == self.frame, f"points are in frame {self.frame!r}, and are sampled in {shown(frame)}")
         check(bool(self.commands) or not self.network.input.body, "network.input.body needs commands")
+        needs = f"recovery needs commands, which dagger and command_bc learn, not {self.algorithm}"
+        check(bool(self.commands) or self.recovery is None, needs)
 
 
 def check_policy_path(path: Path) -> Path:
@@ -135,10 +139,11 @@ def make_actor(commands: Mapping[str, Any]) -> "CommandActor":
 
 
 class ArrayPolicy:
-    """A policy of a file that `artiskill export-policy` wrote; it sees point clouds, and remembers nothing.
+    """A policy of a file that `artiskill export-policy` wrote; it sees point clouds.
 
-    It acts as the training run that it was exported from, to 1e-5. With `bcq`, where two candidates are worth the
-    same to seven digits, the one or the other may be taken.
+    It acts as the training run that it was exported from, to 1e-5, except where it recovers (`Header.recovery`);
+    without recovery it remembers nothing. With `bcq`, where two candidates are worth the same to seven digits, the
+    one or the other may be taken.
 
     Args:
         path: of the file.
@@ -163,7 +168,8 @@ class ArrayPolicy:
             self._actor = make_actor(self.header.commands) if self.header.commands else None
         except ConfigError as error:
             raise PolicyError(f"{str(path)!r} is damaged: {error}") from error
-        config = self.header.network
+        recovery, config = self.header.recovery, self.header.network
+        self._recovery = None if recovery is None else Recovery(recovery)
         try:
             if self.header.algorithm == "bcq":
                 self._latents = values["latents"]
@@ -178,9 +184,15 @@ class ArrayPolicy:
             raise PolicyError(f"{str(path)!r} is damaged: its weights do not fit its network") from error
         if shape != (self.header.action if self._actor is None else self._actor.space.label_size,):
             raise PolicyError(f"{str(path)!r} is damaged: its weights do not fit its actions")
+        self._forget()
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
-        """Begin an episode: there is nothing to remember."""
+        """Begin an episode."""
+        self._forget()
+
+    def _forget(self) -> None:
+        if self._recovery is not None:
+            self._recovery.reset()
 
     def act(self, observation: Any) -> np.ndarray:
         """Return the action, (A,) float32 in [-1, 1], of an observation of mode `pointcloud`.
@@ -198,13 +210,20 @@ class ArrayPolicy:
         seen = make_features(arrays, self._input, self._scale, self.header.frame, kinematics)
         features = self._networks[0].encode(seen)
         if self._actor is not None:
-            return self._actor.space.likeliest(self._networks[0].head(features)[None])[0]
+            return self._command(self._networks[0].head(features)[None], arrays.agent[0], self._actor)
         if self.header.algorithm != "bcq":
             return np.tanh(self._networks[0].head(features))
         candidates = np.tanh(self._networks[0].head(features, self._latents))  # (M, A)
         critic = self._networks[1]
         values = critic.head(critic.encode(seen), candidates)[:, 0]
         return candidates[values.argmax()]
+
+    def _command(self, outputs: np.ndarray, agent: np.ndarray, actor: "CommandActor") -> np.ndarray:
+        """Return the command (V,) that is carried out, of a network's outputs (1, `output_size`)."""
+        if self._recovery is None:
+            return actor.space.likeliest(outputs)[0]
+        kind = self._recovery.choose(actor.space.logits(outputs)[0], actor.place_w(agent))
+        return actor.space.of_kinds(outputs, np.array([kind]))[0]
 
     def _nothing(self) -> ObservationArrays:
         """Return an observation of one cloud of padding."""

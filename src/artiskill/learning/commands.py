@@ -160,7 +160,10 @@ class CommandSpace:
 
     def likeliest(self, outputs: np.ndarray) -> np.ndarray:
         """Return the commands (B, `label_size`) of the likeliest kinds of a network's outputs."""
-        kind = self.logits(outputs).argmax(1)
+        return self.of_kinds(outputs, self.logits(outputs).argmax(1))
+
+    def of_kinds(self, outputs: np.ndarray, kind: np.ndarray) -> np.ndarray:
+        """Return the commands (B, `label_size`) of these kinds, (B,) whole, of a network's outputs."""
         found = self.parts(outputs, kind)
         return np.concatenate((found.motion, found.width, found.grip.argmax(2), kind[:, None]), axis=1)
 
@@ -183,10 +186,17 @@ class CommandActor:
         self._controller = CommandController(body, posture, space.close_speed_m_s, space.rolls)
         self.kinematics = RobotKinematics(space.robot)
 
+    def place_w(self, agent: np.ndarray) -> np.ndarray:
+        """Return where hands (x, y, z each) and base (x, y) of a robot (S,) are in the world, (3 A + 2,) m."""
+        pose = self._pose(agent)
+        return np.concatenate((pose.tool_position_w[0].ravel(), pose.robot_qpos[0, :2]))
+
     def action(self, agent: np.ndarray, label: np.ndarray) -> np.ndarray:
         """Return the action (R,), in the control mode `joint`, of a robot (S,) that is asked for a command."""
-        pose = self.kinematics.pose(np.asarray(agent, dtype=np.float64)[None], self.space.step_s)
-        return self._controller.action(pose, self.space.decode(label))
+        return self._controller.action(self._pose(agent), self.space.decode(label))
+
+    def _pose(self, agent: np.ndarray) -> RobotPose:
+        return self.kinematics.pose(np.asarray(agent, dtype=np.float64)[None], self.space.step_s)
 
 
 class ActionReader:

@@ -14,6 +14,7 @@ from artiskill.learning.algorithm import Algorithm
 from artiskill.learning.array_policy import Header, check_policy_path, make_actor, write_policy
 from artiskill.learning.batch import Observation
 from artiskill.learning.checkpoints import load_weights, make_algorithm, read_content
+from artiskill.learning.recovery import RecoveryConfig
 from artiskill.learning.run import FROM_STATE, RunInfo, read_info, run_folder, weights_file
 from artiskill.learning.train_config import TrainConfig, read_train_config
 
@@ -147,17 +148,18 @@ def load_trained(run: Path | str) -> tuple[RunInfo, TrainConfig, Algorithm]:
     return info, config, algorithm.requires_grad_(False).eval()
 
 
-def export_policy(run: Path | str, path: Path) -> Header:
+def export_policy(run: Path | str, path: Path, recovery: bool = False) -> Header:
     """Write the policy of a run to one file that acts by NumPy alone, see `ArrayPolicy`; return what it says.
 
     Args:
         run: the run's folder, or one of its checkpoints.
         path: of the file; its name ends in `.npz`.
+        recovery: give a command of another kind where the policy stands still, see `RecoveryConfig`.
 
     Raises:
         PolicyError: there is no checkpoint, or the file cannot be written.
         RunError: the run is damaged or of another version.
-        ConfigError: no file can have that name.
+        ConfigError: no file can have that name, or the run learned no commands, which recovery needs.
     """
     check_policy_path(path)
     info, config, algorithm = load_trained(run)
@@ -171,6 +173,7 @@ def export_policy(run: Path | str, path: Path) -> Header:
         **info.sizes,
         network=config.network,
         commands=info.commands,
+        recovery=RecoveryConfig() if recovery else None,
     )
     write_policy(path, header, {name: value.numpy() for name, value in algorithm.state_dict().items()})
     return header
