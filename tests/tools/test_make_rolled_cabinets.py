@@ -8,9 +8,10 @@ from tests.tools.conftest import LoadTool
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object, resolve_objects
+from artiskill.assets.kinematics import link_poses
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.experts.registry import make_expert
-from artiskill.geometry.rotations import quat_to_matrix
+from artiskill.geometry.rotations import quat_rotate, quat_to_matrix
 
 SEEDS = "3000003..3000009"  # five of these have doors
 
@@ -83,6 +84,18 @@ def test_both_sides(load_tool: LoadTool, tmp_path: Path) -> None:
         assert tool.main(["--seeds", "3000003..3000004", "--both", "--out", str(tmp_path)]) == 0
     found = [one.id.removeprefix("rolled-cabinet-") for one in resolve_objects([str(tmp_path / tool.LIST)])]  # type: ignore[union-attr]
     assert found == ["3000003-left", "3000003-right", "3000004-left", "3000004-right"]
+
+
+def test_cabinets_with_drawers(load_tool: LoadTool) -> None:
+    found = list(load_tool("make_rolled_cabinets").rolled_cabinets("9000000..9000004", task="OpenCabinetDrawer"))
+    names = [f"rolled-cabinet-{name}" for name in ("9000001-left", "9000002-right", "9000004-left")]
+    assert [one.id for one in found] == names
+    for one in found:
+        _, quaternions = link_poses(one, one.rest_qpos)
+        drawers = [k for k, link in enumerate(one.links) if link.joint and link.joint.kind == "prismatic"]
+        assert drawers
+        for k in drawers:  # forward, as those of a cabinet that stands
+            np.testing.assert_allclose(quat_rotate(quaternions[k], one.links[k].joint.axis), (-1, 0, 0), atol=1e-9)
 
 
 def test_illegal_seeds(load_tool: LoadTool, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
