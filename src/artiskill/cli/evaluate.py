@@ -45,11 +45,11 @@ _OF_SERVER = ("points", "frame", "replan_steps")
 _OF_PROTOCOL = ("task", "objects", "target", "episodes", "first_level", "obs_mode", "control_mode", "set")
 _DEMO_TASKS = ("OpenCabinetDrawer", "OpenCabinetDoor")
 _DEMO_OBJECTS = "test"  # the benchmark's own, which no policy of the package was trained on or chosen by
-_DEMO_EPISODES, _DEMO_FILMED = 1, 1  # per object; objects
+_DEMO_EPISODES, _DEMO_FILMED, _DEMO_FILMS = 1, 1, 5  # per object; objects; films on the page, seconds each
 _DEMO_EPILOG = f"""The demo prints its commands. For each task they are these, --out with the task's name:
   artiskill evaluate --task TASK --policy pretrained --objects {_DEMO_OBJECTS} --episodes {_DEMO_EPISODES} \\
       --out results/demo/TASK --video results/demo/TASK/episode.gif --video-episodes {_DEMO_FILMED}
-  artiskill report page results/demo/TASK"""
+  artiskill report page results/demo/TASK --films {_DEMO_FILMS}"""
 
 
 def add_commands(commands: Any) -> None:
@@ -135,7 +135,7 @@ def _demo_commands(task: str, out: str) -> list[list[str]]:
     evaluate = ["evaluate", "--task", task, "--policy", "pretrained", "--objects", _DEMO_OBJECTS]
     evaluate += ["--episodes", str(_DEMO_EPISODES), "--out", out]
     evaluate += ["--video", f"{out}/episode.gif", "--video-episodes", str(_DEMO_FILMED)]
-    return [evaluate, ["report", "page", out]]
+    return [evaluate, ["report", "page", out, "--films", str(_DEMO_FILMS)]]
 
 
 def _run_evaluate(arguments: argparse.Namespace) -> None:
