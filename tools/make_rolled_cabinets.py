@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject, JointKind, Link
-from artiskill.assets.catalog import load_object, object_id_of, resolve_objects
+from artiskill.assets.catalog import object_of, resolve_objects
 from artiskill.config import dump_yaml
 from artiskill.errors import ArtiSkillError
 from artiskill.exports.export import export_object
@@ -77,7 +77,7 @@ def rolled_cabinets(seeds: str, both: bool = False, task: str = DOORS) -> Iterat
     found = resolve_objects([f"generated:cabinet:{seeds}"], task=task)
     for item, in_turn in zip(found, itertools.cycle(SIDES)):
         for side in SIDES if both else (in_turn,):
-            yield roll(load_object(object_id_of(item)), side, task)
+            yield roll(object_of(item), side, task)
 
 
 def write_folders(objects: Iterable[ArticulatedObject], listed: Path, description: str) -> list[str]:
