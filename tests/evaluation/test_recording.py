@@ -1,4 +1,7 @@
+import os
 import re
+import subprocess
+import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -38,6 +41,38 @@ from artiskill.sensors.pictures.compose import GAP_PX
 from artiskill.sensors.render_config import load_render_config
 from artiskill.sensors.renderer import BodyVisual, Renderer
 from artiskill.sim.snapshot import Snapshot
+
+_PREPARE = """
+import time
+from artiskill.evaluation.pictures import EpisodeChoice, save_episode_picture
+from artiskill.evaluation.recording import prepare_films
+from artiskill.evaluation.scene_pictures import PictureStyle
+from artiskill.geometry.kernel_cache import has_compiled, kernel_folder
+from artiskill.jobs import fork_server
+
+def kept():
+    return {path.name for path in kernel_folder().glob("*artiskill.sensors.drawing*.nbc")}
+
+started, ForkServer = [], fork_server.ForkServer
+prepare = ForkServer.prepare
+ForkServer.prepare = lambda self, call: (started.append(self), prepare(self, call))
+assert not has_compiled("artiskill.sensors.drawing.picture_shading")
+prepare_films()
+[server] = started
+server.start()  # it forks when it has done what it was told
+prepared = kept()
+prepare_films()
+save_episode_picture("look.png", EpisodeChoice("OpenCabinetDrawer", "cabinet-0005"), PictureStyle())
+print(len(started), len(prepared) > 10, kept() == prepared)
+"""
+
+
+@pytest.mark.slow
+def test_what_draws_films_is_compiled_ahead_once(tmp_path: Path) -> None:
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kernels")}
+    command = [sys.executable, "-c", _PREPARE]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert (done.stdout, done.returncode) == ("1 True True\n", 0), done.stderr
 
 
 def test_a_short_film_that_changes_no_number(tmp_path: Path) -> None:

@@ -45,10 +45,10 @@ _OF_SERVER = ("points", "frame", "replan_steps")
 _OF_PROTOCOL = ("task", "objects", "target", "episodes", "first_level", "obs_mode", "control_mode", "set")
 _DEMO_TASKS = ("OpenCabinetDrawer", "OpenCabinetDoor")
 _DEMO_OBJECTS = "test"  # the benchmark's own, which no policy of the package was trained on or chosen by
-_DEMO_EPISODES, _DEMO_FILMED, _DEMO_FILMS = 1, 1, 5  # per object; objects; films on the page, seconds each
+_DEMO_EPISODES, _DEMO_FILMS = 1, 6  # per object; on the page, seconds each
 _DEMO_EPILOG = f"""The demo prints its commands. For each task they are these, --out with the task's name:
   artiskill evaluate --task TASK --policy pretrained --objects {_DEMO_OBJECTS} --episodes {_DEMO_EPISODES} \\
-      --out results/demo/TASK --video results/demo/TASK/episode.gif --video-episodes {_DEMO_FILMED}
+      --out results/demo/TASK
   artiskill report page results/demo/TASK --films {_DEMO_FILMS}"""
 
 
@@ -114,12 +114,15 @@ def _add_sandbox(parser: argparse.ArgumentParser) -> None:
 
 
 def _run_demo(arguments: argparse.Namespace) -> None:
+    from artiskill.evaluation.recording import prepare_films
+
     parser = Parser(prog="artiskill")
     commands = parser.add_subparsers()
     add_commands(commands)
     add_report_commands(commands)
     tasks = [arguments.task] if arguments.task else _DEMO_TASKS
     workers = [] if arguments.workers is None else ["--workers", str(arguments.workers)]
+    prepare_films()
     for task in tasks:
         for command in _demo_commands(task, str(arguments.out / task)):
             print(f"artiskill {shlex.join(command + workers)}", flush=True)
@@ -131,10 +134,9 @@ def _run_demo(arguments: argparse.Namespace) -> None:
 
 
 def _demo_commands(task: str, out: str) -> list[list[str]]:
-    """Return what the demo does with a task: measure a policy, film it, write a page."""
+    """Return what the demo does with a task: measure a policy, write a page with films."""
     evaluate = ["evaluate", "--task", task, "--policy", "pretrained", "--objects", _DEMO_OBJECTS]
     evaluate += ["--episodes", str(_DEMO_EPISODES), "--out", out]
-    evaluate += ["--video", f"{out}/episode.gif", "--video-episodes", str(_DEMO_FILMED)]
     return [evaluate, ["report", "page", out, "--films", str(_DEMO_FILMS)]]
 
 
@@ -146,7 +148,7 @@ def _run_evaluate(arguments: argparse.Namespace) -> None:
     from artiskill.errors import ConfigError
     from artiskill.evaluation.cluster import remove_kept
     from artiskill.evaluation.evaluate import check_plan_workers
-    from artiskill.evaluation.recording import check_video
+    from artiskill.evaluation.recording import check_video, prepare_films
     from artiskill.evaluation.report import check_report_folder, write_report
     from artiskill.files import lock_folder
     from artiskill.jobs.ray_jobs import RayCluster
@@ -168,6 +170,8 @@ def _run_evaluate(arguments: argparse.Namespace) -> None:
             print(f"note: {note}", file=sys.stderr)
         workers = workers_of(arguments)
         check_plan_workers(plan, workers, arguments.step_timeout)
+        if arguments.video is not None:
+            prepare_films()
     with nullcontext() if arguments.out is None else lock_folder(arguments.out):
         with _note_earlier_report(arguments.out):
             report = _play_episodes(arguments, plan, workers, cluster)

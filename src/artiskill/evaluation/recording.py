@@ -4,6 +4,7 @@ Of several directions the camera stands in the one that shows object, moved part
 best, judged by small pictures; from there it follows smoothly, without turning.
 """
 
+import atexit
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
@@ -23,11 +24,14 @@ from artiskill.evaluation.plan import EpisodeBatch, EvaluationPlan
 from artiskill.evaluation.scene_pictures import PictureStyle, PointsPanel, SceneRenderer
 from artiskill.evaluation.video import caption, caption_share, write_video
 from artiskill.files import check_output_folder, output_path
+from artiskill.geometry.kernel_cache import do_not_announce, has_compiled
 from artiskill.geometry.meshes import convex_hull
 from artiskill.geometry.rotations import transform_points
+from artiskill.jobs.fork_server import ForkServer
 from artiskill.jobs.worker import Send
 from artiskill.scene.scene import Scene
 from artiskill.sensors.camera import Camera
+from artiskill.sensors.drawing import picture_shading
 from artiskill.sensors.pictures.compose import beside
 from artiskill.sensors.pictures.framing import following_cameras
 from artiskill.sensors.render_config import load_render_config
@@ -47,6 +51,7 @@ _BEFORE_CABINETS = tuple((float(a), e) for a in range(124, 237, 14) for e in (16
 _AROUND = tuple((float(a), e) for a in range(112, 333, 20) for e in (24.0, 34.0))
 _TRIALS = 8  # moments at which directions are compared
 _TRIAL_PX = 128, 96
+_ANY_TASK = "OpenCabinetDrawer"  # what draws is compiled once for all
 _HANDS = ("panda_hand", "panda_finger")
 # shares of the picture: what something hidden counts as, four pixels of a trial, and what is seen well
 _HIDDEN, _ENOUGH = 3e-4, 0.1
@@ -111,6 +116,27 @@ def check_video(path: Path | str, count: int = 1) -> None:
     check_output_folder(path.parent)
     with tempfile.TemporaryDirectory() as folder:  # the writer itself knows best what it can write
         write_video(Path(folder) / path.name, [np.zeros((16, 16, 3), np.uint8)], FRAMES_PER_S)
+
+
+def prepare_films() -> None:
+    """Have a process of its own compile what draws films, unless that is compiled on this machine.
+
+    Returns at once: meanwhile the episodes are played, which compiles other kernels.
+    """
+    if has_compiled(picture_shading.__name__):
+        return
+    server = ForkServer()
+    atexit.register(server.close)
+    server.prepare(_compile_drawing)
+
+
+def _compile_drawing() -> None:
+    """Draw a moment, without the robot's cameras: what these need is compiled where the episodes are played."""
+    do_not_announce()  # they say it
+    env, recorder = ManipulationEnv(_ANY_TASK), EpisodeRecorder(PictureStyle())
+    env.reset(seed=0)
+    recorder.record(env, 0, True)
+    recorder.draw()
 
 
 def _record(job: BatchJob, send: Send) -> list[np.ndarray]:

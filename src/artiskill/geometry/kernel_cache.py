@@ -99,6 +99,12 @@ def kernel_folder() -> Path | None:
     return None
 
 
+def has_compiled(module: str) -> bool:
+    """Return whether kernels of a module are kept; true also where none could be, or none are compiled."""
+    folder = None if numba.config.DISABLE_JIT else kernel_folder()
+    return folder is None or any(folder.glob(f"*-{module}-*.nbi"))
+
+
 def sources_digest(package: Path) -> str:
     """Return a digest of all sources of compiled code and of the versions that compile them."""
     versions = platform.python_implementation(), platform.python_version(), numba.__version__, llvmlite.__version__
@@ -253,7 +259,7 @@ def _announce_once(seconds: float, folder: Path | None) -> None:
         return
     _announced = True
     kept = "again each time: no cache can be written" if folder is None else f"once: kept in {folder}"
-    line = f"artiskill: compiling kernels for this processor, about {seconds:.0f} s ({kept}"
+    line = f"artiskill: compiling kernels for this processor, about {seconds:.0f} s for the first ({kept}"
     sys.stderr.write(f"{line}; `artiskill warm` does it ahead)\n")
     sys.stderr.flush()
 
