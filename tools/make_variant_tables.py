@@ -1,7 +1,8 @@
 """Say what makes policies generalise: `python tools/make_variant_tables.py --jobs 2`.
 
-DAgger on drawers, with one thing changed at a time, or with other numbers of training objects and as many samples
-(96,000; with 1,600 objects, some 500 of them are never met).
+DAgger on drawers: with other numbers of training objects and as many samples (96,000; with 1,600 objects, some 500
+of them are never met), or with one thing changed at a time, from `ABLATION_SAMPLES`: with more, little is left to
+gain.
 Each variant is trained, then measured on generated cabinets that no policy trains on, and those of `COUNTS` also
 on `test` and `ood`, by commands of `artiskill` that are printed. Whatever ends it, the same command goes on.
 Variants whose rows are in docs/data/variants.csv are finished, also without the work folder.
@@ -25,6 +26,7 @@ TABLE = Path("data", "variants.csv")  # beside the page
 BEGIN, END = "<!-- made by tools/make_variant_tables.py -->", "<!-- end of the variants -->"
 TASK, NEW = "OpenCabinetDrawer", "generated"
 NEW_OBJECTS, NEW_EPISODES = "generated:cabinet:7000000..7000059", 4  # nothing was chosen by these
+ABLATION_SAMPLES = 38400  # in 8 rounds
 # key -> what is changed, and the options that change it
 ABLATIONS: dict[str, tuple[str, list[str]]] = {
     "as-it-is": ("nothing", []),
@@ -116,7 +118,7 @@ def train_command(variant: Variant, work: Path) -> list[str]:
     if variant.table == "counts":
         command += ["--objects", f"generated:cabinet:0..{COUNTS[int(variant.name)]}"]
     else:
-        command += ABLATIONS[variant.name][1]
+        command += ["--samples", str(ABLATION_SAMPLES), *ABLATIONS[variant.name][1]]
     return [*command, "--seed", str(variant.seed), "--threads", "1", "--workers", "1"]
 
 

@@ -17,6 +17,7 @@ import secrets
 import shutil
 import stat
 import tempfile
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterable, Iterator
@@ -29,10 +30,10 @@ from yaml.composer import Composer
 
 from artiskill.errors import ConfigError, shown
 
-# what reading of an archive of arrays raises where it is damaged, or larger than it may be
+# what reading of an archive of arrays (`.npz`) raises where it is damaged, holds something else, or is too large
 DAMAGED_ARCHIVE = (
-    *(OSError, ValueError, LookupError, EOFError, MemoryError, NotImplementedError),
-    *(zipfile.BadZipFile, zlib.error),
+    *(OSError, EOFError, ValueError, LookupError, TypeError, AttributeError, RuntimeError, MemoryError),
+    *(SyntaxError, tokenize.TokenError, zipfile.BadZipFile, zlib.error),
 )
 MOST_JSON_BYTES = 100_000_000  # a manifest has 400 bytes for each object
 MOST_YAML_BYTES = 500_000  # a split file has 20 bytes for each object; without libyaml, 100 kB take a second

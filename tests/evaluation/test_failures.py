@@ -13,19 +13,12 @@ from artiskill.cli.main import main
 from artiskill.envs.core import Episodes
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import Cause, ConfigError
+from artiskill.evaluation.action_replay import pack_actions, unpack_actions
 from artiskill.evaluation.evaluate import evaluate, run_episode
 from artiskill.evaluation.failures import Failures, find_failures, stage_bonus
 from artiskill.evaluation.plan import plan_evaluation
 from artiskill.evaluation.policies import StillActor
-from artiskill.evaluation.report import (
-    ACTIONS_FILE,
-    EPISODES_CSV,
-    Report,
-    make_report,
-    pack_actions,
-    unpack_actions,
-    write_report,
-)
+from artiskill.evaluation.report import ACTIONS_FILE, EPISODES_CSV, Report, make_report, write_report
 from artiskill.tasks.registry import make_task
 
 TASK, OBJECTS = "OpenCabinetDrawer", ["cabinet-0002", "cabinet-0003"]

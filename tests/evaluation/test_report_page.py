@@ -15,10 +15,11 @@ import pytest
 from PIL import Image
 
 from artiskill.errors import ArtiSkillError, ConfigError
+from artiskill.evaluation.action_replay import pack_actions
 from artiskill.evaluation.evaluate import evaluate
 from artiskill.evaluation.html import plain, text
 from artiskill.evaluation.leaderboard import find_reports, read_leaderboard, write_leaderboard
-from artiskill.evaluation.report import REPORT_FILES, Report, mapping_sha256, pack_actions, write_report
+from artiskill.evaluation.report import REPORT_FILES, Report, mapping_sha256, write_report
 from artiskill.evaluation.report_page import read_page_source, report_page, write_report_page
 from artiskill.evaluation.sandbox import Confinement
 from artiskill.evaluation.statistics import EpisodeResult, compare_episodes, object_interval, summarize

@@ -16,6 +16,7 @@ import pytest
 import artiskill
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ArtiSkillError, ConfigError
+from artiskill.evaluation.action_replay import pack_actions, unpack_actions
 from artiskill.evaluation.evaluate import evaluate, run_episode
 from artiskill.evaluation.plan import plan_evaluation
 from artiskill.evaluation.policies import StillActor
@@ -26,8 +27,6 @@ from artiskill.evaluation.report import (
     Report,
     make_report,
     mapping_sha256,
-    pack_actions,
-    unpack_actions,
     write_report,
 )
 from artiskill.evaluation.statistics import EpisodeResult, object_interval, summarize

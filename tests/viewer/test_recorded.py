@@ -11,9 +11,10 @@ from artiskill.demos.demos import PACK
 from artiskill.demos.recording import digest_of
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ConfigError, DemoError
+from artiskill.evaluation.action_replay import unpack_actions
 from artiskill.evaluation.evaluate import evaluate
 from artiskill.evaluation.policies import ExpertActor
-from artiskill.evaluation.report import ACTIONS_FILE, unpack_actions, write_report
+from artiskill.evaluation.report import ACTIONS_FILE, write_report
 from artiskill.evaluation.statistics import EpisodeResult
 from artiskill.evaluation.stored_report import read_report
 from artiskill.viewer.pickers import ReportPicker

@@ -4,8 +4,6 @@ Attempts at objects that are not finished have a file each: what a killed collec
 """
 
 import json
-import tokenize
-import zipfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -39,18 +37,12 @@ from artiskill.demos.plan import CollectionPlan, LevelQueue, ObjectPlan
 from artiskill.demos.recording import ARRAYS, Columns, Recording
 from artiskill.demos.settings import Settings, settings_hash
 from artiskill.errors import DemoError
-from artiskill.files import atomic_write, lock_folder, remove_leftovers
+from artiskill.files import DAMAGED_ARCHIVE, atomic_write, lock_folder, remove_leftovers
 from artiskill.jobs.parallel import check_workers, run_source
 from artiskill.jobs.ray_jobs import RayCluster, connected
 from artiskill.tasks.levels import check_level
 
 OnAttempt = Callable[[DemoAttempt], None]
-# what numpy raises of damaged files
-_DAMAGED = (
-    *(OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, RuntimeError, MemoryError, SyntaxError),
-    tokenize.TokenError,
-    zipfile.BadZipFile,
-)
 # what an attempt's file says about it, beside its recording
 _ABOUT = {"object": str, "target": str, "level": int, "success": bool, "steps": int, "fault": str}
 
@@ -374,5 +366,5 @@ def _read(path: Path) -> tuple[DemoAttempt, str, str] | None:
             layout: dict[str, Any] = {name: Columns.from_list(about.pop(name)) for name in columns}
             recording = Recording(**{name: file[name] for name in ARRAYS}, **layout) if is_recorded else None
             return DemoAttempt(**about, recording=recording), *hashes
-    except _DAMAGED:
+    except DAMAGED_ARCHIVE:
         return None

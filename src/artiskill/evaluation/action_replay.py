@@ -1,5 +1,10 @@
-"""Episodes played again by their actions alone: no policy, no observations, the same bits."""
+"""A report's actions: as a file, and episodes played again by them alone, without policy and observations.
 
+Played again, an episode has the same bits.
+"""
+
+import hashlib
+import io
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
@@ -14,12 +19,72 @@ from artiskill.envs.state import EnvState, save_episode
 from artiskill.errors import DivergedError
 from artiskill.evaluation.plan import EpisodeBatch, EvaluationPlan
 from artiskill.evaluation.statistics import EpisodeResult
+from artiskill.files import DAMAGED_ARCHIVE, check_archive
 from artiskill.jobs.worker import Send
 from artiskill.tasks.registry import make_task
 
 # what may end an episode besides the physics: a policy of this package that fails at its arithmetic
 _POLICY_FAULTS = ("ArithmeticError", "FloatingPointError", "OverflowError", "ZeroDivisionError", "LinAlgError")
 _JOB_EPISODES = 25
+MOST_ACTION_BYTES = 1_000_000_000  # of all actions of a report: a thousand times what 50 episodes have
+
+
+def join_actions(actions: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the number of actions of each episode, (E,) int32, and all of them, (N, A), without loss.
+
+    They are float32 if all of them have such values, else float64.
+
+    Args:
+        actions: (T, A) of each episode, all with the same A.
+    """
+    lengths = np.array([len(one) for one in actions], dtype="<i4")
+    exact = np.concatenate(list(actions)).astype("<f8")
+    short = exact.astype("<f4")
+    return lengths, short if short.astype("<f8").tobytes() == exact.tobytes() else exact
+
+
+def actions_sha256(lengths: np.ndarray, actions: np.ndarray) -> str:
+    """Return the SHA-256 of all actions as numbers, however a file compresses them."""
+    shape = f"{len(lengths)} {actions.shape} {actions.dtype.str}\n".encode()
+    return hashlib.sha256(shape + lengths.tobytes() + actions.tobytes()).hexdigest()
+
+
+def pack_actions(actions: Sequence[np.ndarray]) -> bytes:
+    """Return the file of all actions, an `.npz`.
+
+    `lengths` (E,) are the episodes' numbers of actions. `planes` (A, bytes, N) has the first bytes of all numbers
+    of a column one after the other, then the second ones, and so on: like bytes side by side compress better.
+    """
+    lengths, joined = join_actions(actions)
+    planes = joined.view(np.uint8).reshape(*joined.shape, joined.itemsize).transpose(1, 2, 0)
+    file = io.BytesIO()
+    np.savez_compressed(file, lengths=lengths, planes=np.ascontiguousarray(planes))
+    return file.getvalue()
+
+
+def unpack_actions(file: bytes, most_bytes: int = MOST_ACTION_BYTES) -> list[np.ndarray]:
+    """Return the actions of each episode, (T, A) float64, of a `pack_actions` file that is no larger unpacked.
+
+    Raises:
+        ValueError: it is no such file, or too large, or holds numbers that are no actions.
+    """
+    content = io.BytesIO(file)
+    try:
+        check_archive(content, most_bytes)
+        with np.load(content, allow_pickle=False) as arrays:
+            names, lengths, planes = sorted(arrays.files), arrays["lengths"], arrays["planes"]
+    except ValueError:  # which says it itself
+        raise
+    except DAMAGED_ARCHIVE as error:
+        raise ValueError(f"it is damaged ({type(error).__name__})") from error
+    is_ours = lengths.dtype == "<i4" and lengths.ndim == 1 and planes.dtype == np.uint8 and planes.ndim == 3
+    is_ours = is_ours and names == ["lengths", "planes"] and planes.shape[1] in (4, 8)
+    if not is_ours or (lengths < 0).any() or lengths.sum() != planes.shape[2]:
+        raise ValueError("its arrays do not fit together")
+    numbers = np.ascontiguousarray(planes.transpose(2, 0, 1)).view(f"<f{planes.shape[1]}")[..., 0].astype("<f8")
+    if not (np.abs(numbers) <= 1.0).all():
+        raise ValueError("it holds numbers that are not in [-1, 1]")
+    return np.split(numbers, np.cumsum(lengths, dtype=np.int64)[:-1])
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,6 @@ import os
 import shutil
 import tempfile
 import time
-import zipfile
-import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
@@ -27,7 +25,7 @@ from artiskill.evaluation.plan import WORKER_HINT, EpisodeBatch, EvaluationPlan
 from artiskill.evaluation.policies import ARRAYS, is_run, solution_path
 from artiskill.evaluation.report import Report, make_report
 from artiskill.evaluation.statistics import EpisodeResult
-from artiskill.files import atomic_write, check_archive
+from artiskill.files import DAMAGED_ARCHIVE, atomic_write, check_archive
 from artiskill.jobs.fork_server import fork_server
 from artiskill.jobs.parallel import run_jobs
 from artiskill.jobs.ray_driver import facts
@@ -39,7 +37,6 @@ UNFINISHED = ".unfinished-report"  # folder for rows of a report that is not who
 KEPT = "finished rows are kept: the same command goes on from there"
 _MOST_FILES, _MOST_BYTES, _MB = 2000, 64 * 2**20, 2**20  # of a solution's folder
 _MOST_ROW_BYTES = 2**30
-_DAMAGED = (OSError, EOFError, ValueError, KeyError, TypeError, RuntimeError, zipfile.BadZipFile, zlib.error)
 
 
 def evaluate_on_cluster(
@@ -275,7 +272,7 @@ class KeptRows:
         for number, batch in enumerate(batches):
             try:
                 episodes = self._read(number)
-            except _DAMAGED:
+            except DAMAGED_ARCHIVE:
                 continue
             if [episode.level for episode in episodes] == list(batch.levels):
                 found[number] = episodes

@@ -9,8 +9,6 @@ import os
 import platform
 import shutil
 import tempfile
-import zipfile
-import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -22,6 +20,7 @@ import numpy as np
 from artiskill.config import dump_yaml, to_mapping
 from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ConfigError
+from artiskill.evaluation.action_replay import actions_sha256, join_actions, pack_actions
 from artiskill.evaluation.plan import EvaluationPlan
 from artiskill.evaluation.protocols import Protocol
 from artiskill.evaluation.remote import as_remote
@@ -33,16 +32,13 @@ from artiskill.evaluation.statistics import (
     object_interval,
     summarize,
 )
-from artiskill.files import atomic_write, check_archive, check_output_folder, lock_folder, output_path
+from artiskill.files import atomic_write, check_output_folder, lock_folder, output_path
 from artiskill.jobs.parallel import available_cores
 from artiskill.versions import processor_name, versions
 
 REPORT_JSON, EPISODES_CSV, ACTIONS_FILE = "report.json", "episodes.csv", "actions.npz"
 LATENCY_FILE = "latency.csv"  # only of a policy behind a WebSocket; it cannot be made anew
 REPORT_FILES = ("config.yaml", EPISODES_CSV, ACTIONS_FILE, "report.csv", "report.md", REPORT_JSON)
-# what reading an archive may raise: it may end early, be encrypted, or claim shapes beyond all memory
-_DAMAGED = (OSError, KeyError, EOFError, MemoryError, RuntimeError, zipfile.BadZipFile, zlib.error)
-MOST_ACTION_BYTES = 1_000_000_000  # of all actions of a report: a thousand times what 50 episodes have
 
 
 @dataclass(frozen=True)
@@ -209,69 +205,10 @@ def _machine() -> dict[str, Any]:
     return {"processor": processor_name(), "cores": available_cores(), "system": platform.platform()}
 
 
-# -- actions ------------------------------------------------------------------------------------------------------
-
-
-def join_actions(actions: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the number of actions of each episode, (E,) int32, and all of them, (N, A), without loss.
-
-    They are float32 if all of them have such values, else float64.
-
-    Args:
-        actions: (T, A) of each episode, all with the same A.
-    """
-    lengths = np.array([len(one) for one in actions], dtype="<i4")
-    exact = np.concatenate(list(actions)).astype("<f8")
-    short = exact.astype("<f4")
-    return lengths, short if short.astype("<f8").tobytes() == exact.tobytes() else exact
-
-
-def actions_sha256(lengths: np.ndarray, actions: np.ndarray) -> str:
-    """Return the SHA-256 of all actions as numbers, however a file compresses them."""
-    shape = f"{len(lengths)} {actions.shape} {actions.dtype.str}\n".encode()
-    return hashlib.sha256(shape + lengths.tobytes() + actions.tobytes()).hexdigest()
-
-
 def mapping_sha256(values: Mapping[str, Any]) -> str:
     """Return the SHA-256 of the content of report.json, but for its own entry."""
     content = {key: value for key, value in values.items() if key != "sha256"}
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-
-def pack_actions(actions: Sequence[np.ndarray]) -> bytes:
-    """Return the file of all actions, an `.npz`.
-
-    `lengths` (E,) are the episodes' numbers of actions. `planes` (A, bytes, N) has the first bytes of all numbers
-    of a column one after the other, then the second ones, and so on: like bytes side by side compress better.
-    """
-    lengths, joined = join_actions(actions)
-    planes = joined.view(np.uint8).reshape(*joined.shape, joined.itemsize).transpose(1, 2, 0)
-    file = io.BytesIO()
-    np.savez_compressed(file, lengths=lengths, planes=np.ascontiguousarray(planes))
-    return file.getvalue()
-
-
-def unpack_actions(file: bytes, most_bytes: int = MOST_ACTION_BYTES) -> list[np.ndarray]:
-    """Return the actions of each episode, (T, A) float64, of a `pack_actions` file that is no larger unpacked.
-
-    Raises:
-        ValueError: it is no such file, or too large, or holds numbers that are no actions.
-    """
-    content = io.BytesIO(file)
-    try:
-        check_archive(content, most_bytes)
-        with np.load(content, allow_pickle=False) as arrays:
-            names, lengths, planes = sorted(arrays.files), arrays["lengths"], arrays["planes"]
-    except _DAMAGED as error:
-        raise ValueError(f"it is damaged ({type(error).__name__})") from error
-    is_ours = lengths.dtype == "<i4" and lengths.ndim == 1 and planes.dtype == np.uint8 and planes.ndim == 3
-    is_ours = is_ours and names == ["lengths", "planes"] and planes.shape[1] in (4, 8)
-    if not is_ours or (lengths < 0).any() or lengths.sum() != planes.shape[2]:
-        raise ValueError("its arrays do not fit together")
-    numbers = np.ascontiguousarray(planes.transpose(2, 0, 1)).view(f"<f{planes.shape[1]}")[..., 0].astype("<f8")
-    if not (np.abs(numbers) <= 1.0).all():
-        raise ValueError("it holds numbers that are not in [-1, 1]")
-    return np.split(numbers, np.cumsum(lengths, dtype=np.int64)[:-1])
 
 
 # -- files --------------------------------------------------------------------------------------------------------

@@ -14,18 +14,9 @@ import numpy as np
 from artiskill.config import check, check_line, check_positive, from_mapping
 from artiskill.envs.wrappers import Sampling
 from artiskill.errors import ConfigError, check_name, shown
+from artiskill.evaluation.action_replay import MOST_ACTION_BYTES, actions_sha256, join_actions, unpack_actions
 from artiskill.evaluation.protocols import PRIVILEGED, TRACKS
-from artiskill.evaluation.report import (
-    ACTIONS_FILE,
-    EPISODES_CSV,
-    MOST_ACTION_BYTES,
-    REPORT_FILES,
-    REPORT_JSON,
-    actions_sha256,
-    join_actions,
-    mapping_sha256,
-    unpack_actions,
-)
+from artiskill.evaluation.report import ACTIONS_FILE, EPISODES_CSV, REPORT_FILES, REPORT_JSON, mapping_sha256
 from artiskill.evaluation.sandbox import Confinement
 from artiskill.evaluation.statistics import EpisodeResult, EpisodeStatistics, Interval, object_interval, summarize
 from artiskill.files import parse_json, read_bytes
