@@ -191,7 +191,8 @@ def parse_yaml(text: str) -> Any:
     try:
         return yaml.load(text, _Loader)
     except (yaml.YAMLError, ValueError) as error:
-        raise ValueError(" ".join(str(error).split())) from error
+        is_deep = "maximum nesting depth" in str(error)  # libyaml's own limit
+        raise ValueError(_TOO_DEEP if is_deep else " ".join(str(error).split())) from error
     except (ArithmeticError, AttributeError, LookupError, TypeError) as error:  # of tags: !!timestamp noon, say
         raise ValueError(f"a value does not fit its tag ({type(error).__name__}: {error})") from error
 
