@@ -203,7 +203,8 @@ def read_csv(path: Path) -> dict[Policy, dict[str, Measured]]:
 def read_all(work: Path, page: Path) -> dict[Policy, dict[str, Measured]]:
     """Return what finished policies reached, by split: those of the CSV file, then those of the work folder.
 
-    A policy that lacks a split in the file is left out, to be measured again.
+    A policy that lacks a split in the file is left out, to be measured again; so is one of the folder that another
+    command has trained.
     """
     known = read_csv(page.parent / TABLE)
     found = {policy: splits for policy, splits in known.items() if set(splits) >= set(SPLITS)}
@@ -212,7 +213,9 @@ def read_all(work: Path, page: Path) -> dict[Policy, dict[str, Measured]]:
             names = (path.name.removeprefix("seed-") for path in (work / track / task).glob("seed-*"))
             for policy in (Policy(track, task, int(name)) for name in names if name.isdecimal()):
                 reports = policy.reports(work)
-                if policy not in found and all((path / "report.json").is_file() for path in reports.values()):
+                files = [path / "report.json" for path in reports.values()]
+                train = train_command(policy, work)
+                if policy not in found and commands.is_finished(policy.folder(work), train, files):
                     found[policy] = {split: read_measured(path) for split, path in reports.items()}
     return dict(sorted(found.items(), key=_order))
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 from artiskill.errors import ArtiSkillError
 from artiskill.gallery.facts import markdown
 from artiskill.jobs.parallel import available_cores
-from learning_tables.commands import finish, in_pool
+from learning_tables.commands import finish, in_pool, is_finished
 from learning_tables.markdown import range_text, sum_of, write_between
 from learning_tables.results import Measured, add_counts, read_measured, read_rows, rows_of_counts, write_rows
 from make_track_tables import PAGE, SPLITS
@@ -145,7 +145,8 @@ def read_all(wanted: Sequence[Variant], work: Path, page: Path) -> Found:
         add_counts(found.setdefault(variant, {}), row["measured on"], row)
     for variant in wanted:
         reports = {name: variant.folder(work) / name for name in variant.measured_on}
-        if all((path / "report.json").is_file() for path in reports.values()):
+        files = [path / "report.json" for path in reports.values()]
+        if is_finished(variant.folder(work), train_command(variant, work), files):
             found[variant] = {name: read_measured(path) for name, path in reports.items()}
     return {variant: sides for variant, sides in found.items() if set(sides) >= set(variant.measured_on)}
 

@@ -306,6 +306,9 @@ def _fit(kind: Any, value: Any, path: str) -> Any:
         if len(items) != len(value):
             raise ConfigError(f"{path} needs {len(items)} values, not {shown(value)}")
         return origin(_fit(a, v, f"{path}[{i}]") for i, (a, v) in enumerate(zip(items, value, strict=True)))
+    if origin in (tuple, list):  # dacite would take a text apart
+        count = "" if origin is list or arguments[1:] == (...,) else f" of {len(arguments)} values"
+        raise ConfigError(f"{path} must be a list{count}, not {shown(value)}")
     if origin in (dict, Mapping) and isinstance(value, Mapping):
         return {key: _fit(arguments[1], item, _join(path, key)) for key, item in value.items()}
     return value

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.errors import ConfigError
 from artiskill.experts.whole_body import Command, Grip, WholeBodyConfig
 from artiskill.learning.augmentation import Augmentation, AugmentationConfig, mirrored_agent
@@ -73,6 +74,44 @@ def test_a_mirrored_robot_has_its_hands_where_the_mirror_shows_them() -> None:
     np.testing.assert_allclose(other.tool_position_w, pose.tool_position_w[:, ::-1] @ MIRROR, atol=1e-12)
     axes = MIRROR @ pose.tool_rotation_w[:, ::-1] @ MIRROR
     np.testing.assert_allclose(other.tool_rotation_w, axes, atol=1e-12)
+
+
+def test_points_have_right_and_left_exchanged() -> None:
+    given = seen()
+    found = Augmentation(replace(NONE, mirror=1), space(2), "robot", 3).mirrored(given, vary()[2])[0]
+    np.testing.assert_array_equal(found.points, given.points @ MIRROR.astype(np.float32))
+    np.testing.assert_array_equal(found.masks, given.masks)
+
+
+def test_a_mirrored_robot_has_its_fingertips_where_its_hands_are() -> None:
+    """Of robots as an environment shows them: fingertips in the frames of hands that kinematics finds."""
+    env = ManipulationVectorEnv(B, "MoveBucket", obs_mode="pointcloud", num_threads=1)
+    env.action_space.seed(0)
+    env.reset(seed=0)
+    for _ in range(3):
+        agent = np.asarray(env.step(env.action_space.sample())[0]["agent"], dtype=np.float64)
+    env.close()
+    kinematics, places = RobotKinematics(space(2).robot), []
+    for one in (agent, mirrored_agent(agent, 2)):
+        tips, pose = one[:, :12].reshape(B, 2, 2, 3), kinematics.pose(one, 0.05)
+        places.append((tips - pose.tool_position_w[:, :, None]) @ pose.tool_rotation_w)
+    assert (np.abs(places[0]).max(axis=3) < 0.06).all()
+    assert (np.ptp(places[0][..., 1], axis=2) > 0.01).all()  # fingers stand apart
+    np.testing.assert_allclose(places[1], places[0][:, ::-1, ::-1] @ MIRROR, atol=1e-5)
+
+
+def test_a_mirrored_velocity_is_that_of_mirrored_positions() -> None:
+    """Fingertips, base, joints: positions are followed by velocities of as many numbers."""
+    rng, places, rates = np.random.default_rng(3), [], []
+    for start, size in ((0, 12), (24, 3), (30, 19)):
+        places += range(start, start + size)
+        rates += range(start + size, start + 2 * size)
+    before = rng.normal(0, 1, (B, 68))
+    after = before.copy()
+    after[:, places] += 0.1 * before[:, rates]
+    found, later = (mirrored_agent(one, 2) for one in (before, after))
+    np.testing.assert_allclose((later - found)[:, places] / 0.1, found[:, rates], atol=1e-9)
+    assert np.abs(found - before)[:, rates].max() > 0.1
 
 
 def test_a_mirrored_command_is_carried_out_as_the_mirror_shows_it() -> None:

@@ -25,14 +25,14 @@ from artiskill.experts.whole_body import Command, Grip, WholeBodyConfig
 from artiskill.exports.export import export_object
 from artiskill.learning.array_policy import ArrayPolicy
 from artiskill.learning.batch import Batch, Sizes, Statistics
-from artiskill.learning.commands import CommandSpace
+from artiskill.learning.commands import CommandActor, CommandSpace
 from artiskill.learning.dagger import DAgger
 from artiskill.learning.features import Scale, make_features
 from artiskill.learning.network_config import load_network_config
 from artiskill.learning.networks import make_network
 from artiskill.learning.observation import ObservationArrays
 from artiskill.learning.policy import RunPolicy, export_policy
-from artiskill.learning.rollouts import ROUNDS, Collector, Rollouts
+from artiskill.learning.rollouts import ROUNDS, Collector, RolloutJob, Rollouts
 from artiskill.learning.run import CONFIG, INFO, LATEST
 from artiskill.learning.train import RolloutData, train
 from artiskill.learning.train_config import algorithm_config, load_train_config
@@ -238,15 +238,25 @@ def test_tensors_and_arrays_have_the_same_features() -> None:
     assert {one.dtype for one in ours[:3]} == {np.dtype(np.float32)}
 
 
+def test_rounds_that_never_begin_are_refused() -> None:
+    legal = load_train_config("dagger", TASK, overrides={"steps": 20, "algorithm.rounds": 20})
+    assert algorithm_config(legal).round_steps(20) == 1
+    config = load_train_config("dagger", TASK, overrides={"steps": 60, "algorithm.rounds": 40})
+    with pytest.raises(ConfigError, match=r"room for 30 rounds of 2, not for algorithm\.rounds=40"):
+        RolloutData().open(config, Path("nowhere"))
+
+
 def test_what_is_refused() -> None:
     with pytest.raises(UnknownNameError, match="kinematic"):
         load_train_config("bc", TASK, "kinematic")
     with pytest.raises(ConfigError, match="body is for dagger"):
-        load_train_config("bc", TASK, overrides={"network.input.body": True})
+        load_train_config("bc", TASK, overrides={"network.input": {"body": True, "frames": ["cloud"]}})
+    with pytest.raises(ConfigError, match="frames with hand need body: false"):
+        load_train_config("dagger", TASK, overrides={"network.input.frames": ["robot", "hand"]})
     with pytest.raises(ConfigError, match="takeover_steps"):
         load_train_config("dagger", TASK, overrides={"algorithm.takeover_steps": [9, 3]})
     config = load_train_config("dagger", TASK, overrides={"algorithm.objects": ["test"]})
-    with pytest.raises(ConfigError, match="is of 'test'"):
+    with pytest.raises(ConfigError, match=r"neither what is trained on .* is of 'test'"):
         RolloutData().open(config, Path("nowhere"))
     more = {"algorithm.objects": ["train"], "algorithm.generated_share": 0.5}
     with pytest.raises(ConfigError, match="generated_share is for generated objects beside others"):
@@ -308,6 +318,61 @@ def test_a_run_has_rounds_and_says_what_came_of_them(whole: Path) -> None:
     assert [int(float(row["samples"])) for row in rows] == [48, 48, 48]
     assert len(list((whole / ROUNDS).glob("*.npz"))) == 6
     assert len(list((whole / ROUNDS).glob("*.pt"))) == 2, "the expert alone acts in the first round"
+
+
+class Still:
+    """A policy that wants to stay where it is, whatever it sees."""
+
+    def __init__(self, label: np.ndarray) -> None:
+        self._label = torch.from_numpy(label)
+
+    def act(self, seen: Any) -> Any:
+        return self._label.expand(len(seen.points), -1)
+
+
+@pytest.mark.parametrize(("number", "whole_share"), [(0, 0.5), (1, 0.0), (1, 1.0)])
+def test_who_acts_and_that_the_expert_labels_everything(
+    number: int, whole_share: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In round 0 the expert acts; later the policy, to the end or until the expert takes over."""
+    envs, steps, low, high = 2, 210, 2, 6
+    more = {"envs": envs, "rollout_steps": steps, "whole_share": whole_share, "takeover_steps": [low, high]}
+    values = TINY | {f"algorithm.{key}": value for key, value in more.items()}
+    config = load_train_config("dagger", TASK, overrides=values)
+    info = Rollouts(config, tmp_path).info(config, {})
+    made = Collector(config, info)
+    own = from_mapping(CommandSpace, info.commands)
+    still = own.encode(dataclasses.replace(command(1), twists=np.zeros((1, 6)), trunk_qvel=np.zeros(4)))
+    monkeypatch.setattr(Collector, "_load", lambda self, job: Still(still))
+    carried_out: list[np.ndarray] = []
+    act = CommandActor.action
+
+    def action(self: CommandActor, agent: np.ndarray, label: np.ndarray) -> np.ndarray:
+        carried_out.append(label.copy())
+        return act(self, agent, label)
+
+    monkeypatch.setattr(CommandActor, "action", action)
+    _, labels, counts = made.run(RolloutJob(tmp_path, number, 0), lambda message: None)
+    done = np.array(carried_out).reshape(steps, envs, -1)
+    expected = labels.reshape(steps, envs, -1)  # of the expert, in every state
+    by_policy = (done == still).all(axis=2)
+    assert not (expected == still).all(axis=2).any()
+    np.testing.assert_array_equal(done[~by_policy], expected[~by_policy])
+    assert counts.samples == steps * envs
+    if number == 0:
+        assert not by_policy.any()
+        assert counts[1:5] == (counts.expert_episodes, counts.expert_episodes, 0, 0)
+    elif whole_share == 1.0:
+        assert by_policy.all()
+        assert counts[1:5] == (0, 0, envs, 0)  # which end after 200 steps
+    else:
+        for env in range(envs):
+            runs = "".join("p" if one else "e" for one in by_policy[:, env]).split("e")
+            lengths = [len(run) for run in runs if run]
+            assert all(low <= length <= high for length in lengths[:-1]), lengths
+            assert by_policy[:low, env].all()
+        assert counts[1:5] == (counts.expert_episodes, counts.expert_episodes, 0, 0)
+    assert counts.expert_episodes == (0 if whole_share == 1.0 else pytest.approx(5, abs=2))
 
 
 @pytest.mark.parametrize(("workers", "stop_at"), [(2, 0), (1, 4), (1, 8)])
@@ -464,6 +529,19 @@ def test_a_run_acts_and_its_file_acts_alike_without_torch(whole: Path, tmp_path:
         seen, *_ = env.step(action)
 
 
+def test_a_file_whose_points_do_not_fit_its_network_is_refused(whole: Path, tmp_path: Path) -> None:
+    path = tmp_path / "policy.npz"
+    export_policy(whole, path)
+    with np.load(path) as archive:
+        values = {name: archive[name] for name in archive.files}
+    header = json.loads(str(values["header"]))
+    assert header["network"]["input"]["frames"] == ["robot", "tool"]
+    header["network"]["input"]["frames"] = ["tool"]
+    np.savez(path, **values | {"header": np.array(json.dumps(header))})
+    with pytest.raises(PolicyError, match="is damaged: its weights do not fit its network"):
+        ArrayPolicy(path)
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -499,6 +577,7 @@ def test_a_run_is_evaluated(whole: Path) -> None:
         (("dagger", "--data", "x"), "--data is of demonstrations"),
         (("bc",), "--data is needed"),
         (("bc", "--data", "x", "--samples", "9"), "--samples is for dagger, not for bc"),
+        (("dagger", "--samples", "0"), "--samples must be at least 1, not 0"),
         (("sac", "--workers", "2"), "--workers is not for sac"),
         (("ppo", "--device", "cuda"), "--device is auto or cpu for ppo, not 'cuda'"),
     ],
@@ -540,6 +619,15 @@ def test_samples_set_rounds_and_steps(more: tuple[str, ...], batch_size: int | N
         "steps": 7 * 24_000 // (batch_size or 128),
         **({} if batch_size is None else {"batch_size": batch_size}),
     }
+
+
+def test_samples_may_be_of_any_network() -> None:
+    from artiskill.cli.main import make_parser
+    from artiskill.cli.train import _overrides
+
+    given = ["--network", "small_transformer", "--set", "network.transformer.blocks=1", "--samples", "4800"]
+    found = _overrides(make_parser().parse_args(["train", "dagger", "--task", TASK, "--out", "run", *given]))
+    assert found["algorithm.rounds"] == 1
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 # ruff: noqa: E402
 import json
+import re
 import shutil
 from collections.abc import Callable
 from importlib import metadata
@@ -65,6 +66,12 @@ def test_a_set_is_made_from_demonstrations(tmp_path: Path, monkeypatch: pytest.M
     assert lines[-1].startswith(
         "note: 12 of 12 demonstrations begin at levels below 200000, where evaluations play"
     )
+    lines.clear()
+    monkeypatch.setattr("artiskill.learning.train_config.MEASURED_SPLITS", ("train",))
+    train(chairs, data, tmp_path / "run", "cpu", 1, None, lines.extend)
+    found = [line for line in lines if "by which results are measured" in line]
+    assert len(found) == 1
+    assert re.match(r"note: 'chair-\d+' is of 'train'(, and \d+ more of these)?, by which", found[0])
 
 
 def test_other_values_are_refused_and_listed(run: Path, tiny_set: Path) -> None:
@@ -177,7 +184,7 @@ def test_mixed_precision_trains(tiny_set: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "says"),
     [
-        (["--dev-objects", "test"], "none may be of test and ood"),
+        (["--dev-objects", "test"], "may be of test and ood"),
         (["--dev-objects", "none", "cabinet-0002"], "--dev-objects none takes no other object"),
         (["--set", "network.hed=3"], "did you mean 'head'?"),
         (["--stepz", "3"], "did you mean '--steps'?"),

@@ -84,6 +84,7 @@ def test_a_robot_of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         ("robot.drives.arm_dampin", 3, ConfigError, r"robot\.drives: unknown key 'arm_dampin'; did you mean"),
         ("robot.drives.arm_damping", -1, ConfigError, r"config: robot\.drives\.arm_damping must be positive"),
         ("robot.mounts.side", "left", ConfigError, r"robot\.mounts is a list, which is given as a whole"),
+        ("robot.mounts", "left", ConfigError, r"robot\.mounts must be a list, not 'left'"),
         ("render", 3, ConfigError, "render must be a mapping"),
         ("render.sun.strenght", 3, ConfigError, r"render\.sun: unknown key 'strenght'; did you mean 'strength'\?"),
         ("render.sun.strength", -1, ConfigError, r"render\.sun\.strength must not be negative"),

@@ -22,7 +22,7 @@ def commands(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
     def call(command: list[str], environment: object) -> bool:
         called.append(command)
         if command[0] == "train":
-            Path(command[command.index("--out") + 1]).mkdir(parents=True)
+            Path(command[command.index("--out") + 1]).mkdir(parents=True, exist_ok=True)
         elif command[0] == "export-policy":
             assert Path(command[1]).is_dir()
             Path(command[2]).touch()
@@ -32,7 +32,7 @@ def commands(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
             solved = 20 + 20 * seed if "OpenCabinetDrawer" in " ".join(command) else 10
             objects = [{"object": name, "episodes": 50, "successes": solved} for name in ("one", "two")]
             report = Path(command[command.index("--out") + 1]) / "report.json"
-            report.parent.mkdir(parents=True)
+            report.parent.mkdir(parents=True, exist_ok=True)
             report.write_text(json.dumps({"objects": objects, "timing": {"seconds": 1.0}}))
         return "PushChair" not in command
 
@@ -72,6 +72,20 @@ def test_seeds_are_averaged_and_nothing_is_done_twice(tmp_path: Path, commands: 
     assert commands == []
     assert (tmp_path / "page.md").read_text().splitlines() == rows
     assert (tmp_path / "data" / "tracks.csv").read_text().splitlines() == table
+
+
+def test_reports_of_another_command_are_no_results(tmp_path: Path, commands: list[list[str]]) -> None:
+    options = ("--tasks", "MoveBucket", "--seeds", "0")
+    assert run(tmp_path, *options) == 0
+    (tmp_path / "data" / "tracks.csv").unlink()
+    before, folder = list(commands), Policy("no-restrictions", "MoveBucket", 0).folder(tmp_path / "work")
+    commands.clear()
+    assert run(tmp_path, *options) == 0
+    assert commands == []  # the folder knows, too
+    (tmp_path / "data" / "tracks.csv").unlink()
+    (folder / "trained").write_text("train dagger by another recipe")
+    assert run(tmp_path, *options) == 0
+    assert commands == before
 
 
 def test_training_leaves_test_objects_alone(tmp_path: Path, commands: list[list[str]]) -> None:

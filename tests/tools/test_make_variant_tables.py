@@ -21,7 +21,7 @@ def commands(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
     def call(command: list[str], environment: object) -> bool:
         called.append(command)
         folder = Path(command[command.index("--out") + 1])
-        folder.mkdir(parents=True)
+        folder.mkdir(parents=True, exist_ok=True)
         if command[0] == "evaluate":
             objects = [
                 {"object": name, "episodes": 4, "successes": k} for k, name in enumerate(("a", "b", "c", "d"))
@@ -59,6 +59,20 @@ def test_what_is_finished_stays_and_what_fails_is_not_measured(tmp_path: Path, c
     assert run(tmp_path, "--counts", "25", "--ablations", "no-dagger") == 0
     assert commands == []
     assert (tmp_path / "data" / "variants.csv").read_text().splitlines() == table
+
+
+def test_a_report_of_another_command_is_no_result(tmp_path: Path, commands: list[list[str]]) -> None:
+    options = ("--counts", "--ablations", "no-dagger")
+    assert run(tmp_path, *options) == 0
+    (tmp_path / "data" / "variants.csv").unlink()
+    before = list(commands)
+    commands.clear()
+    assert run(tmp_path, *options) == 0
+    assert commands == []  # the folder knows, too
+    (tmp_path / "data" / "variants.csv").unlink()
+    (tmp_path / "work" / "ablations" / "no-dagger" / "seed-0" / "trained").write_text("train dagger otherwise")
+    assert run(tmp_path, *options) == 0
+    assert commands == before
 
 
 def test_rows_that_say_nothing_are_left_out(tmp_path: Path, commands: list[list[str]]) -> None:

@@ -57,6 +57,15 @@ def finish(folder: Path, train: list[str] | None, results: Mapping[Path, list[st
     return all(call(command, environment) for command in wanted)
 
 
+def is_finished(folder: Path, train: list[str], files: Iterable[Path]) -> bool:
+    """Return whether a policy was trained by this very command, and the files were written since."""
+    trained = folder / "trained"
+    if not trained.is_file() or read_text(trained) != shlex.join(train):
+        return False
+    since = trained.stat().st_mtime_ns
+    return all(_is_written(file, since) for file in files)
+
+
 def _is_written(file: Path, since_ns: int) -> bool:
     return file.is_file() and file.stat().st_mtime_ns >= since_ns
 

@@ -114,7 +114,7 @@ def _run_train(arguments: argparse.Namespace) -> None:
             )
     except KeyboardInterrupt as interrupt:
         command = shlex.join(["artiskill", *sys.argv[1:]])
-        raise KeyboardInterrupt(f"{interrupt or 'interrupted'}; go on with: {command}") from interrupt
+        raise KeyboardInterrupt(f"{str(interrupt) or 'interrupted'}; go on with: {command}") from interrupt
     if screen.is_first:
         _print_end(trainer, arguments.out)
 
@@ -161,7 +161,7 @@ def _run_reinforcement(arguments: argparse.Namespace) -> None:
             )
     except KeyboardInterrupt as interrupt:
         command = shlex.join(["artiskill", *sys.argv[1:]])
-        raise KeyboardInterrupt(f"{interrupt or 'interrupted'}; go on with: {command}") from interrupt
+        raise KeyboardInterrupt(f"{str(interrupt) or 'interrupted'}; go on with: {command}") from interrupt
     state = run.state
     print(f"trained: {arguments.out}, {state.step} steps in {state.seconds:.0f} s")
     if run.is_solved:
@@ -206,10 +206,12 @@ def _rollout_overrides(arguments: argparse.Namespace, others: dict[str, Any]) ->
         return {}
     given = {"algorithm.points": arguments.points, "algorithm.objects": arguments.objects}
     if arguments.samples is not None:
-        plain = load_train_config(arguments.algorithm, arguments.task, None, others)
+        if arguments.samples < 1:
+            raise UsageError(f"--samples must be at least 1, not {arguments.samples}")
+        plain = load_train_config(arguments.algorithm, arguments.task, arguments.network, others)
         values = plain.algorithm
         size = values["collectors"] * values["envs"] * values["rollout_steps"]
-        given["algorithm.rounds"] = max(1, -(-arguments.samples // size))
+        given["algorithm.rounds"] = -(-arguments.samples // size)
         given["steps"] = max(1, _PASSES * given["algorithm.rounds"] * size // plain.batch_size)
     return {key: value for key, value in given.items() if value is not None}
 

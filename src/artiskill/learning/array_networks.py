@@ -61,7 +61,13 @@ class Linear:
         self._bias = weights["bias"] if "bias" in weights else np.float32(0.0)
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
-        """Return the layer's output."""
+        """Return the layer's output.
+
+        Raises:
+            ValueError: rows of another length.
+        """
+        if x.shape[-1] != len(self._weight):
+            raise ValueError(f"a layer of {len(self._weight)} inputs is given {x.shape[-1]}")
         rows = np.ascontiguousarray(x.reshape(-1, len(self._weight)))
         found = np.empty((len(rows), self._weight.shape[1]), dtype=np.float32)
         found[:] = self._bias

@@ -18,7 +18,7 @@ from artiskill.files import DAMAGED_ARCHIVE, atomic_write, check_archive, open_r
 from artiskill.learning.array_networks import Weights, make_array_network
 from artiskill.learning.features import make_features
 from artiskill.learning.network_config import FRAMES, NetworkConfig
-from artiskill.learning.observation import MOST_MASKS, ObservationArrays, ObservationLayout
+from artiskill.learning.observation import MOST_MASKS, REAL, ObservationArrays, ObservationLayout
 from artiskill.learning.recovery import Recovery, RecoveryConfig
 
 if TYPE_CHECKING:  # it needs the engine's kernels
@@ -179,7 +179,7 @@ class ArrayPolicy:
             else:
                 weights = Weights(values, "policy.")
                 self._scale, self._networks = weights.scale, [make_array_network(config, weights)]
-            shape = self._choose(self._nothing()).shape
+            shape = self._choose(self._anything()).shape
         except (LookupError, ValueError, TypeError) as error:
             raise PolicyError(f"{str(path)!r} is damaged: its weights do not fit its network") from error
         if shape != (self.header.action if self._actor is None else self._actor.space.label_size,):
@@ -195,7 +195,9 @@ class ArrayPolicy:
             self._recovery.reset()
 
     def act(self, observation: Any) -> np.ndarray:
-        """Return the action, (A,) float32 in [-1, 1], of an observation of mode `pointcloud`.
+        """Return the action, (A,) in [-1, 1], of an observation of mode `pointcloud`.
+
+        It is float32, or float64 where commands become actions by inverse kinematics.
 
         Raises:
             ConfigError: an observation of other sizes.
@@ -225,9 +227,11 @@ class ArrayPolicy:
         kind = self._recovery.choose(actor.space.logits(outputs)[0], actor.place_w(agent))
         return actor.space.of_kinds(outputs, np.array([kind]))[0]
 
-    def _nothing(self) -> ObservationArrays:
-        """Return an observation of one cloud of padding."""
-        return self._layout.decode(np.zeros(1, dtype=self._layout.dtype))
+    def _anything(self) -> ObservationArrays:
+        """Return an observation of one cloud, whose points are all real and in every mask."""
+        record = np.zeros(1, dtype=self._layout.dtype)
+        record["codes"] = REAL | np.uint8((1 << self._layout.masks) - 1)
+        return self._layout.decode(record)
 
 
 def _read(path: Path) -> tuple[Header, dict[str, np.ndarray]]:

@@ -18,7 +18,7 @@ from artiskill.learning.commands import GRIP_PHASES, CommandSpace
 from artiskill.learning.displacement import Displacement
 from artiskill.learning.observation import ObservationArrays
 
-_TRUNK, _FINGERS, _BASE = 4, 2, 3
+_FINGERS, _BASE = 2, 3
 _MIRROR = np.array([1.0, -1.0, 1.0])  # of a place, and a hand's axes: its fingers change places
 _TURN = -_MIRROR  # of an axis that something turns about
 _PANDA = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0])  # its joints, seen in a mirror

@@ -1,7 +1,8 @@
 """Behaviour cloning of commands: what the hands of the demonstrations do, rather than their joints.
 
-The demonstrations' actions become the commands that amount to them (`ActionReader`), so nothing but demonstrations
-is needed; the robot's kinematics is known. The kinds of a command are what the fingers of the first hand do.
+The demonstrations' actions become the commands that amount to them (`ActionReader`). No expert is asked what it
+would do; its controller says how commands become actions: the robot's kinematics, the posture of arms, how fast
+fingers close. The kinds of a command are what the fingers of the first hand do.
 """
 
 from collections.abc import Mapping

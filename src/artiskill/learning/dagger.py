@@ -7,7 +7,7 @@ What is learned are the expert's commands (`learning/command_learner.py`).
 from dataclasses import dataclass, field
 from typing import Any
 
-from artiskill.config import check_inside, check_positive, check_value
+from artiskill.config import check, check_inside, check_positive, check_value
 from artiskill.learning.command_learner import CommandLearner, CommandLearnerConfig
 
 
@@ -46,6 +46,18 @@ class DAggerConfig(CommandLearnerConfig):
     def round_samples(self) -> int:
         """Steps that a round adds at most."""
         return self.collectors * self.envs * self.rollout_steps
+
+    def round_steps(self, steps: int) -> int:
+        """Return how many of so many steps of training lie between two rounds; the last may have fewer.
+
+        Raises:
+            ConfigError: not all rounds would begin.
+        """
+        found = -(-steps // self.rounds)
+        begun = -(-steps // found)
+        text = f"{steps} steps have room for {begun} rounds of {found}, not for algorithm.rounds={self.rounds}"
+        check(begun == self.rounds, text)
+        return found
 
 
 class DAgger(CommandLearner):

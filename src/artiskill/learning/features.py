@@ -11,6 +11,7 @@ import numpy as np
 
 from artiskill.geometry.arrays import small_product
 from artiskill.learning.network_config import InputConfig
+from artiskill.learning.observation import ObservationArrays
 
 if TYPE_CHECKING:  # it needs compiled kernels, and training without the engine does not
     from artiskill.robots.kinematics import RobotKinematics
@@ -95,18 +96,12 @@ def feature_sizes(
 ) -> tuple[int, int]:
     """Return how many numbers `make_features` gives of each point, and of cloud and robot."""
     zeros, ones = (lambda *shape: np.zeros(shape, np.float32)), (lambda *shape: np.ones(shape, np.float32))
-    observation = _Arrays(zeros(1, 1, 3), zeros(1, 1, 3), zeros(1, 1, masks), ones(1, 1) > 0, zeros(1, agent))
+    observation = ObservationArrays(
+        zeros(1, 1, 3), zeros(1, 1, 3), zeros(1, 1, masks), ones(1, 1) > 0, zeros(1, agent)
+    )
     scale = Scale(zeros(3), ones(3), zeros(agent), ones(agent))
     features = make_features(observation, config, scale, frame, kinematics)
     return features.points.shape[2], features.state.shape[1]
-
-
-class _Arrays(NamedTuple):
-    points: np.ndarray
-    colors: np.ndarray
-    masks: np.ndarray
-    valid: np.ndarray
-    agent: np.ndarray
 
 
 def _without_velocities(xp: Any, agent: Any) -> Any:

@@ -43,6 +43,10 @@ class InputConfig:
         check_value(self, "frames", is_legal, "needs one to four different names")
         needed = "tool" in self.frames or self.origin
         check(self.body or not needed, "frames with tool, and origin, need body: true, for forward kinematics")
+        check(
+            not self.body or "hand" not in self.frames,
+            "frames with hand need body: false; beside body, tool is legal",
+        )
 
 
 @dataclass(frozen=True)

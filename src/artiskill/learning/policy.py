@@ -49,7 +49,9 @@ class RunPolicy:
         """Begin an episode: there is nothing to remember."""
 
     def act(self, observation: Any) -> np.ndarray:
-        """Return the action, (A,) float32 in [-1, 1], of an observation of mode `pointcloud`.
+        """Return the action, (A,) in [-1, 1], of an observation of mode `pointcloud`.
+
+        It is float32, or float64 where commands become actions by inverse kinematics.
 
         Raises:
             ConfigError: an observation of other sizes.

@@ -93,6 +93,7 @@ class Rollouts:
     ) -> None:
         self.config, self.folder, self.workers, self.on_note = config, folder, workers, on_note
         self.values: DAggerConfig = algorithm_config(config)
+        self.round_steps = self.values.round_steps(config.steps)
         self.task = make_task(config.task)
         wanted, names = len(self.task.mask_names) + 1, ", ".join(self.task.mask_names)
         check(
@@ -165,9 +166,8 @@ class RoundBatches:
     """
 
     def __init__(self, rollouts: Rollouts, trainer: Trainer) -> None:
-        self._rollouts, self._trainer = rollouts, trainer
+        self._rollouts, self._trainer, self._round_steps = rollouts, trainer, rollouts.round_steps
         self._step, values = trainer.state.step, rollouts.values
-        self._round_steps = -(-rollouts.config.steps // values.rounds)
         self._layout = trainer.info.layout
         self._table = Table(rollouts.folder / TABLE, self._step)
         space = from_mapping(CommandSpace, trainer.info.commands, "commands")
@@ -229,7 +229,7 @@ class RoundBatches:
             self._records = np.concatenate((self._records, records.view(self._layout.dtype).reshape(-1)))
             self._labels = np.concatenate((self._labels.reshape(-1, labels.shape[1]), labels))
             return Counts(*counts.tolist())
-        except (*DAMAGED_ARCHIVE, TypeError) as error:
+        except DAMAGED_ARCHIVE as error:
             text = f"{str(job.path)!r} is damaged ({error}): remove it, and the same command collects it again"
             raise RunError(text) from error
 

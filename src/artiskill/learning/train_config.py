@@ -6,7 +6,7 @@ here they are a mapping.
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
@@ -232,10 +232,16 @@ def check_development(config: TrainConfig) -> list[str | ArticulatedObject]:
 
 def check_not_measured(objects: Iterable[str | ArticulatedObject]) -> None:
     """Raise `ConfigError` if an object is of a split that is measured."""
+    measured = list(measured_among(map(object_id_of, objects)))
+    check(not measured, _refusal(measured[0] if measured else ""))
+
+
+def measured_among(ids: Iterable[str]) -> Iterator[str]:
+    """Yield a few words about each object that is of a split that is measured."""
     catalog = read_catalog()
-    for name in map(object_id_of, objects):
+    for name in ids:
         if name in catalog and catalog[name][1].split in MEASURED_SPLITS:
-            raise ConfigError(_refusal(f"{name!r} is of {catalog[name][1].split!r}"))
+            yield f"{name!r} is of {catalog[name][1].split!r}"
 
 
 def objects_by_id(ids: Sequence[str], given: Sequence[str], task: str) -> dict[str, str | ArticulatedObject]:
@@ -279,8 +285,8 @@ def _fill_rollouts(algorithm: dict[str, Any], task: str, category: str) -> None:
 def _refusal(reason: str) -> str:
     splits = " and ".join(MEASURED_SPLITS)
     return (
-        f"development objects choose the checkpoint, so none may be of {splits}, by which results are measured: "
-        f"{reason}; legal are generated:<category>:<seeds>, objects of train, and imported ones"
+        f"neither what is trained on nor what chooses the checkpoint may be of {splits}, by which results are "
+        f"measured: {reason}; legal are generated:<category>:<seeds>, objects of train, and imported ones"
     )
 
 

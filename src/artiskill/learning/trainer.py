@@ -32,7 +32,7 @@ from artiskill.learning.loading import BatchLoader
 from artiskill.learning.processes import Processes
 from artiskill.learning.run import BEST, KEPT, LATEST, RunInfo
 from artiskill.learning.stopping import StopSignal
-from artiskill.learning.train_config import OF_COMMANDS, TrainConfig
+from artiskill.learning.train_config import OF_COMMANDS, TrainConfig, measured_among
 from artiskill.learning.training_set import TrainingSet, manifest_text
 from artiskill.tasks.levels import FIRST_DEMONSTRATED
 
@@ -323,16 +323,24 @@ class SetSource:
 
     @property
     def notes(self) -> Sequence[str]:
-        """A line if demonstrations begin where evaluations play."""
+        """Lines if demonstrations are of objects that are measured, or begin where evaluations play."""
+        found = []
+        measured = list(measured_among(self._set.manifest.objects))
+        if measured:
+            more = f", and {len(measured) - 1} more of these" if len(measured) > 1 else ""
+            found.append(
+                f"note: {measured[0]}{more}, by which results are measured; on them, this policy's success says "
+                "nothing of objects that it has never seen"
+            )
         levels = self._set.trajectories["level"]
         count = int((levels < FIRST_DEMONSTRATED).sum())
-        if not count:
-            return []
-        where = f"{count} of {len(levels)} demonstrations begin at levels below {FIRST_DEMONSTRATED}"
-        return [
-            f"note: {where}, where evaluations play; a policy that recognises these starts does better there than "
-            "at others"
-        ]
+        if count:
+            where = f"{count} of {len(levels)} demonstrations begin at levels below {FIRST_DEMONSTRATED}"
+            found.append(
+                f"note: {where}, where evaluations play; a policy that recognises these starts does better there "
+                "than at others"
+            )
+        return found
 
     def batches(self, trainer: Trainer) -> AbstractContextManager[Iterator[Batch]]:
         """Return the batches of a run from where it stands."""
