@@ -43,7 +43,6 @@ from artiskill.sensors.renderer import BodyVisual, Renderer
 from artiskill.sim.snapshot import Snapshot
 
 _PREPARE = """
-import time
 from artiskill.evaluation.pictures import EpisodeChoice, save_episode_picture
 from artiskill.evaluation.recording import prepare_films
 from artiskill.evaluation.scene_pictures import PictureStyle

@@ -184,7 +184,7 @@ def test_mixed_precision_trains(tiny_set: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "says"),
     [
-        (["--dev-objects", "test"], "may be of test and ood"),
+        (["--dev-objects", "test"], "nor what chooses the checkpoint may be of test and ood"),
         (["--dev-objects", "none", "cabinet-0002"], "--dev-objects none takes no other object"),
         (["--set", "network.hed=3"], "did you mean 'head'?"),
         (["--stepz", "3"], "did you mean '--steps'?"),

@@ -72,7 +72,8 @@ def test_unknown_names() -> None:
 
 @pytest.mark.parametrize("given", ["test", "ood", "all"])
 def test_splits_that_are_measured_choose_no_checkpoint(given: str) -> None:
-    with pytest.raises(ConfigError, match=f"may be of test and ood.*'{given}' is such a split"):
+    says = f"nor what chooses the checkpoint may be of test and ood.*'{given}' is such a split"
+    with pytest.raises(ConfigError, match=says):
         tiny_config(development__objects=["generated:cabinet:3", given])
 
 

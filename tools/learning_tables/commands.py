@@ -12,6 +12,8 @@ from typing import TypeVar
 from artiskill.config import check
 from artiskill.files import read_text
 
+TRAINED = "trained"  # file of a policy that is; it holds the command
+
 Policy = TypeVar("Policy")
 
 
@@ -44,11 +46,11 @@ def finish(folder: Path, train: list[str] | None, results: Mapping[Path, list[st
     Returns:
         Whether all commands succeeded.
     """
-    environment, trained = one_thread(), folder / "trained"
+    environment, trained = one_thread(), folder / TRAINED
     if train is None:
         if not trained.is_file():
             return True
-    elif not trained.is_file() or read_text(trained) != shlex.join(train):
+    elif not _is_trained(folder, train):
         if not call(train, environment):
             return False
         trained.write_text(shlex.join(train))
@@ -59,11 +61,15 @@ def finish(folder: Path, train: list[str] | None, results: Mapping[Path, list[st
 
 def is_finished(folder: Path, train: list[str], files: Iterable[Path]) -> bool:
     """Return whether a policy was trained by this very command, and the files were written since."""
-    trained = folder / "trained"
-    if not trained.is_file() or read_text(trained) != shlex.join(train):
+    if not _is_trained(folder, train):
         return False
-    since = trained.stat().st_mtime_ns
+    since = (folder / TRAINED).stat().st_mtime_ns
     return all(_is_written(file, since) for file in files)
+
+
+def _is_trained(folder: Path, train: list[str]) -> bool:
+    trained = folder / TRAINED
+    return trained.is_file() and read_text(trained) == shlex.join(train)
 
 
 def _is_written(file: Path, since_ns: int) -> bool:

@@ -232,8 +232,8 @@ def check_development(config: TrainConfig) -> list[str | ArticulatedObject]:
 
 def check_not_measured(objects: Iterable[str | ArticulatedObject]) -> None:
     """Raise `ConfigError` if an object is of a split that is measured."""
-    measured = list(measured_among(map(object_id_of, objects)))
-    check(not measured, _refusal(measured[0] if measured else ""))
+    found = next(measured_among(map(object_id_of, objects)), "")
+    check(not found, _refusal(found))
 
 
 def measured_among(ids: Iterable[str]) -> Iterator[str]:
