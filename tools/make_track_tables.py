@@ -23,14 +23,24 @@ from artiskill.jobs.parallel import available_cores
 from artiskill.learning.train_config import DEVELOPMENT_SEEDS, ROLLOUT_SEEDS
 from artiskill.learning.training_set import is_training_set, read_set_manifest
 from learning_tables import commands
-from learning_tables.cells import TASKS
+from learning_tables.cells import METHODS, TASKS
 from learning_tables.commands import finish, in_pool
-from learning_tables.markdown import range_text, sum_of, write_between
-from learning_tables.results import Measured, add_counts, read_measured, read_rows, rows_of_counts, write_rows
+from learning_tables.markdown import MISSING, PAPER, names, range_text, sum_of, write_between
+from learning_tables.results import (
+    PAPER_B,
+    Measured,
+    add_counts,
+    read_measured,
+    read_on_test,
+    read_rows,
+    rows_of_counts,
+    write_rows,
+)
 from make_rolled_cabinets import LIST, make_folders
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "generalization.md"
 TABLE = Path("data", "tracks.csv")  # beside the page
+BASELINES = Path("data", "learning.csv")  # beside the page, of tools/make_learning_tables.py
 BEGIN, END = "<!-- made by tools/make_track_tables.py -->", "<!-- end of the tracks -->"
 SPLITS = ("test", "ood")
 TRAIN, EVALUATE = STAGES = ("train", "evaluate")
@@ -225,8 +235,8 @@ def _order(item: tuple[Policy, object]) -> tuple[int, int, int]:
     return list(TRACKS).index(track), TASKS.index(task), seed
 
 
-def table_text(found: dict[Policy, dict[str, Measured]]) -> str:
-    """Return the table: a row per track and split, a column per task."""
+def table_text(found: dict[Policy, dict[str, Measured]], page: Path) -> str:
+    """Return the table: a row per track and split, then one per baseline; a column per task."""
     rows = []
     for track in TRACKS:
         for split in SPLITS:
@@ -235,13 +245,24 @@ def table_text(found: dict[Policy, dict[str, Measured]]) -> str:
                 chosen = [one[split] for policy, one in found.items() if policy[:2] == (track, task)]
                 cells.append(_cell(chosen))
             rows.append([track, split, *cells])
-    return markdown(["track", "objects", *TASKS], rows)
+    return markdown(["track, or baseline", "objects", *TASKS], [*rows, *_baseline_rows(page)])
+
+
+def _baseline_rows(page: Path) -> Iterator[list[str]]:
+    """Yield a row per method of docs/learning.md that was measured, then the paper's."""
+    found = read_on_test(page.parent / BASELINES)
+    for method in METHODS:
+        if method in found:
+            yield [", ".join(names(method)), "test", *(_cell(found[method].get(task, [])) for task in TASKS)]
+    for method, rates in PAPER_B.items():
+        cells = [f"{on_test:.0%}" for _, on_test in rates]
+        yield [", ".join(names(method, PAPER)), "its own", *cells]
 
 
 def _cell(seeds: Sequence[Measured]) -> str:
     """Return the mean over seeds, its spread, and the interval for unseen objects in general."""
     if not seeds:
-        return "missing"
+        return MISSING
     rates = [one.rate for one in seeds]
     interval = sum_of(seeds).objects_interval
     spread = f" ± {np.std(rates, ddof=1):.1%}" if len(rates) > 1 else ""
@@ -256,7 +277,7 @@ def write_table(work: Path, page: Path) -> None:
         ConfigError: the page cannot be read, or lacks the marks.
     """
     found = read_all(work, page)
-    write_between(page, BEGIN, END, table_text(found))
+    write_between(page, BEGIN, END, table_text(found, page))
     write_rows(page.parent / TABLE, [CSV_HEAD, *rows_of_counts(found)])
 
 

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections import Counter
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -9,6 +10,9 @@ import pytest
 
 import make_track_tables as script
 from artiskill.errors import ConfigError
+from learning_tables.cells import Cell, Method
+from learning_tables.results import CSV_HEAD, Measured, Result, csv_rows, write_rows
+from make_learning_tables import make_parser, make_settings
 from make_track_tables import BEGIN, END, Policy, data_commands, evaluate_command, train_command
 
 WORDS = f"before\n{BEGIN}\nold\n{END}\nafter\n"
@@ -72,6 +76,31 @@ def test_seeds_are_averaged_and_nothing_is_done_twice(tmp_path: Path, commands: 
     assert commands == []
     assert (tmp_path / "page.md").read_text().splitlines() == rows
     assert (tmp_path / "data" / "tracks.csv").read_text().splitlines() == table
+
+
+def test_baselines_stand_below(tmp_path: Path, commands: list[list[str]]) -> None:
+    trained = {"steps": 20, "samples": 160, "seconds": 90.0, "machine": "2 cores"}
+    results = [
+        Result(Cell("b", Method("small", "bc"), "PushChair", seed), trained, {"train": of(4), "test": of(seed)})
+        for seed in (1, 3)
+    ]
+    drawer = Result(Cell("a", Method("small", "bcq"), "10", 0), trained, {"new": of(4)})
+    settings = make_settings(make_parser().parse_args([]), {})
+    (tmp_path / "data").mkdir()
+    write_rows(tmp_path / "data" / "learning.csv", [CSV_HEAD, *csv_rows([*results, drawer], settings)])
+    assert run(tmp_path, "--tasks", "MoveBucket", "--seeds", "0") == 0
+    rows = [
+        [cell.strip() for cell in line.strip("| ").split("|")]
+        for line in (tmp_path / "page.md").read_text().splitlines()
+    ]
+    assert [row for row in rows if row[0].startswith("small")] == [
+        ["small, BC", "test", "missing", "missing", "50.0% ± 35.4%, 2 seeds", "missing"]
+    ]
+    assert ["ManiSkill paper: PointNet, BC", "its own", "4%", "11%", "9%", "2%"] in rows
+
+
+def of(successes: int) -> Measured:
+    return Measured(Counter(one=successes), Counter(one=4), 60.0)
 
 
 def test_reports_of_another_command_are_no_results(tmp_path: Path, commands: list[list[str]]) -> None:

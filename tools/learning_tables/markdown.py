@@ -40,11 +40,11 @@ def drawer_table(results: Sequence[Result], settings: Settings) -> str:
     for method in METHODS:
         cells = [_chosen(results, A, method, count) for count in counts]
         texts = [_rate(found, "new") for found in cells]
-        rows.append([*_names(method), *texts, *_training([one for found in cells for one in found])])
+        rows.append([*names(method), *texts, *_training([one for found in cells for one in found])])
     for method, rates in PAPER_A.items():
         known = dict(zip(PAPER_STEPS, rates, strict=True))
         texts = [f"{known[count]:.0%}" if count in known else "" for count in counts]
-        rows.append([*_names(method, PAPER), *texts, "", ""])
+        rows.append([*names(method, PAPER), *texts, "", ""])
     return markdown(["network", "algorithm", *counts, "minutes of training", "on"], rows)
 
 
@@ -58,7 +58,7 @@ def tasks_table(results: Sequence[Result]) -> str:
             objects = range_text(sum_of(tests).objects_interval) if tests else MISSING
             paper = " / ".join(f"{rate:.0%}" for rate in PAPER_B[method][number]) if method in PAPER_B else ""
             texts = [_rate(found, "train"), _rate(found, "test"), objects, paper]
-            rows.append([task, *_names(method), *texts, *_training(found)])
+            rows.append([task, *names(method), *texts, *_training(found)])
     head = ["task", "network", "algorithm", "training objects", "test objects", "unseen objects in general"]
     return markdown([*head, f"{PAPER}: training / test", "minutes of training", "on"], rows)
 
@@ -111,7 +111,8 @@ def _chosen(results: Sequence[Result], table: str, method: Method, column: str) 
     return [one for one in results if one.cell[:3] == (table, method, column)]
 
 
-def _names(method: Method, source: str = "") -> list[str]:
+def names(method: Method, source: str = "") -> list[str]:
+    """Return network and algorithm in words, with where the numbers are from."""
     network = NETWORKS[method.network]
     return [f"{source}: {network}" if source else network, ALGORITHMS[method.algorithm]]
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from artiskill.errors import ConfigError
 from artiskill.files import atomic_write, parse_json, read_bytes, read_text
-from learning_tables.cells import METHODS, SPLITS_OF, TASKS, A, Cell, Method, Settings, place_of
+from learning_tables.cells import METHODS, SPLITS_OF, TASKS, A, B, Cell, Method, Settings, place_of
 
 PAPER_STEPS = {"10": 2000, "30": 4000, "100": 10_000, "300": 20_000, "1000": 40_000}  # by demonstrations
 # success by demonstrations, table a; (training, test objects) by task, table b: Mu et al., NeurIPS 2021
@@ -84,7 +84,7 @@ class Result:
 def read_results(work: Path, settings: Settings) -> list[Result]:
     """Return every finished cell of a work folder, of whatever seed."""
     rows = [(A, method, count) for method in METHODS for count in settings.schedule]
-    rows += [("b", method, task) for method in METHODS for task in TASKS]
+    rows += [(B, method, task) for method in METHODS for task in TASKS]
     found = []
     for table, method, column in rows:
         folders = (work / "cells" / table / method.name / column).glob("seed-*")
@@ -156,6 +156,24 @@ def _add_row(found: dict[Cell, Result], row: dict[str, str], settings: Settings)
     trained = {name: row[column] for name, column in _TRAINED.items()}
     result = found.setdefault(cell, Result(cell, trained, {}))
     add_counts(result.measured, row["measured on"], row, float(row["measuring seconds"]))
+
+
+def read_on_test(path: Path) -> dict[Method, dict[str, list[Measured]]]:
+    """Return what policies of table b in a CSV file that `csv_rows` wrote reached on test objects, by task.
+
+    Raises:
+        ConfigError: it has other columns.
+    """
+    policies: dict[tuple[Method, str, str], dict[str, Measured]] = {}
+    for row in read_rows(path, CSV_HEAD):
+        if row["table"] == B:
+            method = Method(row["network"], row["algorithm"])
+            add_counts(policies.setdefault((method, row["task"], row["seed"]), {}), row["measured on"], row)
+    found: dict[Method, dict[str, list[Measured]]] = {}
+    for (method, task, _), measured in policies.items():
+        if "test" in measured:
+            found.setdefault(method, {}).setdefault(task, []).append(measured["test"])
+    return found
 
 
 def add_counts(measured: dict[str, Measured], split: str, row: dict[str, str], seconds: float = 0.0) -> None:
