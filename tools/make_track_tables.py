@@ -44,17 +44,32 @@ BASELINES = Path("data", "learning.csv")  # beside the page, of tools/make_learn
 BEGIN, END = "<!-- made by tools/make_track_tables.py -->", "<!-- end of the tracks -->"
 SPLITS = ("test", "ood")
 TRAIN, EVALUATE = STAGES = ("train", "evaluate")
-TRACKS = {
-    "no-restrictions": ("dagger",),
-    "interactive-expert": ("dagger", "--objects", "train"),
-    "no-interactions": ("command_bc", "--dev-objects", "none"),
+NO_INTERACTIONS = "no-interactions"
+TRACKS = {  # options of training; by DAgger, but for the last one
+    "no-restrictions": (),
+    "interactive-expert": ("--objects", "train"),
+    NO_INTERACTIONS: ("--dev-objects", "none"),
 }
 CSV_HEAD = ["track", "task", "seed", "split", "object", "episodes", "successes"]
 DOOR = "OpenCabinetDoor"  # whose policies without restrictions train on cabinets on their side, too
 ROLLED = {"train": "0..299", "development": DEVELOPMENT_SEEDS["cabinet"]}  # seeds of these
-# demonstrations of each object
-PER_OBJECT = {DOOR: 120, "OpenCabinetDrawer": 40, "PushChair": 40, "MoveBucket": 40}
-POINTS, FRAME = ("--points", "128", "--method", "shares"), "robot"
+POINTS, FRAME = "128", "robot"
+
+
+class Imitation(NamedTuple):
+    """What a policy of *no-interactions* learns from, and how."""
+
+    algorithm: str = "command_bc"
+    per_object: int = 40  # demonstrations
+    method: str = "shares"  # by which points are chosen
+
+
+IMITATION = {
+    DOOR: Imitation(per_object=120),
+    "OpenCabinetDrawer": Imitation(),
+    "PushChair": Imitation("bc", method="maniskill"),
+    "MoveBucket": Imitation(),
+}
 
 
 class Policy(NamedTuple):
@@ -118,7 +133,7 @@ def _product(tracks: Sequence[str], tasks: Sequence[str], seeds: Sequence[int]) 
 def run_all(policies: Sequence[Policy], options: argparse.Namespace) -> bool:
     """Run what is missing, several policies at once; return whether a command failed."""
     if TRAIN in options.stages:
-        for task in sorted({one.task for one in policies if one.track == "no-interactions"}):
+        for task in sorted({one.task for one in policies if one.track == NO_INTERACTIONS}):
             if not all(commands.call(one, os.environ) for one in data_commands(task, options.work, options.jobs)):
                 return True
         if any(one.track == "no-restrictions" and one.task == DOOR for one in policies):
@@ -144,24 +159,24 @@ def data_commands(task: str, work: Path, workers: int) -> list[list[str]]:
     Raises:
         ConfigError: it is there, and was made in another way.
     """
-    demos, data = str(work / "demos" / task), str(work / "sets" / task)
+    demos, data, imitation = str(work / "demos" / task), str(work / "sets" / task), IMITATION[task]
+    points = {"points": POINTS, "method": imitation.method, "frame": FRAME}
+    options = [text for name, value in points.items() for text in (f"--{name}", value)]
     if is_training_set(Path(data)):
         held = read_set_manifest(Path(data))
-        found = [
-            text for name in ("num_points", "method", "frame") for text in (f"--{name}", str(held.options[name]))
-        ]
-        wanted = ["--num_points", POINTS[1], "--method", POINTS[3], "--frame", FRAME]
-        check(found == wanted, f"{data!r} was made with {' '.join(found)}, not {' '.join(wanted)}: remove it")
+        of_set = {"points": held.options["num_points"], **held.options}
+        found = [text for name in points for text in (f"--{name}", str(of_set[name]))]
+        check(found == options, f"{data!r} was made with {' '.join(found)}, not {' '.join(options)}: remove it")
         many = held.trajectories / len(held.objects)
         check(
-            many == PER_OBJECT[task],
-            f"{data!r} has {many:g} demonstrations of each object, not {PER_OBJECT[task]}",
+            many == imitation.per_object,
+            f"{data!r} has {many:g} demonstrations of each object, not {imitation.per_object}",
         )
         return []
-    common = ["--workers", str(workers)]
+    common, per_object = ["--workers", str(workers)], str(imitation.per_object)
     return [
-        ["demos", "collect", "--task", task, "--per-object", str(PER_OBJECT[task]), "--out", demos, *common],
-        ["training-set", demos, "--out", data, *POINTS, "--frame", FRAME, *common],
+        ["demos", "collect", "--task", task, "--per-object", per_object, "--out", demos, *common],
+        ["training-set", demos, "--out", data, *options, *common],
     ]
 
 
@@ -181,9 +196,11 @@ def rolled_options(work: Path) -> list[str]:
 
 def train_command(policy: Policy, work: Path) -> list[str]:
     """Return the command that trains."""
-    name, *values = TRACKS[policy.track]
-    command = ["train", name, "--task", policy.task, "--out", str(policy.folder(work) / "run"), *values]
-    if policy.track == "no-interactions":
+    learns_alone = policy.track == NO_INTERACTIONS
+    name = IMITATION[policy.task].algorithm if learns_alone else "dagger"
+    out = str(policy.folder(work) / "run")
+    command = ["train", name, "--task", policy.task, "--out", out, *TRACKS[policy.track]]
+    if learns_alone:
         command += ["--data", str(work / "sets" / policy.task)]
     if policy.track == "no-restrictions" and policy.task == DOOR:
         command += rolled_options(work)

@@ -143,15 +143,18 @@ def test_commands_of_the_tracks() -> None:
         "--dev-objects generated:cabinet:1000000..1000023 w/rolled/development/cabinets.yaml "
     ) in door
     assert "rolled" not in " ".join(train_command(Policy("interactive-expert", "OpenCabinetDoor", 0), work))
-    imitator = Policy("no-interactions", "PushChair", 0)
-    assert " ".join(train_command(imitator, work)) == (
-        "train command_bc --task PushChair --out w/no-interactions/PushChair/seed-0/run --dev-objects none "
-        "--data w/sets/PushChair --seed 0 --threads 1 --workers 1"
+    imitators = [Policy("no-interactions", task, 0) for task in ("MoveBucket", "PushChair")]
+    bucket, chair = (" ".join(train_command(policy, work)) for policy in imitators)
+    assert bucket == (
+        "train command_bc --task MoveBucket --out w/no-interactions/MoveBucket/seed-0/run --dev-objects none "
+        "--data w/sets/MoveBucket --seed 0 --threads 1 --workers 1"
     )
+    assert chair.startswith("train bc --task PushChair --out")
     collect, _ = data_commands("OpenCabinetDoor", work, 2)
     assert "--per-object 120" in " ".join(collect)
-    _, make_set = data_commands("PushChair", work, 2)
-    assert "--points 128 --method shares --frame robot" in " ".join(make_set)
+    for task, method in {"MoveBucket": "shares", "PushChair": "maniskill"}.items():
+        _, make_set = data_commands(task, work, 2)
+        assert f"--points 128 --method {method} --frame robot" in " ".join(make_set)
     assert " ".join(evaluate_command(student, "ood", work)) == (
         "evaluate --policy w/interactive-expert/PushChair/seed-2/policy.npz --protocol "
         "artiskill-1/PushChair/ood/joint/pointcloud --track interactive-expert "
@@ -161,14 +164,15 @@ def test_commands_of_the_tracks() -> None:
 
 def test_a_set_that_was_made_in_another_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     options = {"num_points": 128, "method": "shares", "frame": "robot"}
-    held = SimpleNamespace(options=options, trajectories=80, objects=["chair-0000", "chair-0001"])
+    held = SimpleNamespace(options=options, trajectories=80, objects=["bucket-0000", "bucket-0001"])
     monkeypatch.setattr(script, "is_training_set", lambda folder: True)
     monkeypatch.setattr(script, "read_set_manifest", lambda folder: held)
-    assert data_commands("PushChair", tmp_path, 2) == []
+    assert data_commands("MoveBucket", tmp_path, 2) == []
     with pytest.raises(ConfigError, match="40 demonstrations of each object, not 120"):
         data_commands("OpenCabinetDoor", tmp_path, 2)
-    options["method"] = "maniskill"
-    with pytest.raises(ConfigError, match=r"--method maniskill --frame robot, not .*: remove it"):
+    with pytest.raises(
+        ConfigError, match=r"--method shares --frame robot, not .*--method maniskill .*: remove it"
+    ):
         data_commands("PushChair", tmp_path, 2)
 
 
