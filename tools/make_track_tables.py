@@ -62,12 +62,13 @@ class Imitation(NamedTuple):
     algorithm: str = "command_bc"
     per_object: int = 40  # demonstrations
     method: str = "shares"  # by which points are chosen
+    options: tuple[str, ...] = ()  # of training
 
 
 IMITATION = {
     DOOR: Imitation(per_object=120),
     "OpenCabinetDrawer": Imitation(),
-    "PushChair": Imitation("bc", method="maniskill"),
+    "PushChair": Imitation("bc", method="maniskill", options=("--steps", "2000")),
     "MoveBucket": Imitation(),
 }
 
@@ -201,7 +202,7 @@ def train_command(policy: Policy, work: Path) -> list[str]:
     out = str(policy.folder(work) / "run")
     command = ["train", name, "--task", policy.task, "--out", out, *TRACKS[policy.track]]
     if learns_alone:
-        command += ["--data", str(work / "sets" / policy.task)]
+        command += ["--data", str(work / "sets" / policy.task), *IMITATION[policy.task].options]
     if policy.track == "no-restrictions" and policy.task == DOOR:
         command += rolled_options(work)
     return [*command, "--seed", str(policy.seed), "--threads", "1", "--workers", "1"]

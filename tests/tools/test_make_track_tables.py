@@ -150,6 +150,7 @@ def test_commands_of_the_tracks() -> None:
         "--data w/sets/MoveBucket --seed 0 --threads 1 --workers 1"
     )
     assert chair.startswith("train bc --task PushChair --out")
+    assert "--data w/sets/PushChair --steps 2000 --seed 0" in chair
     collect, _ = data_commands("OpenCabinetDoor", work, 2)
     assert "--per-object 120" in " ".join(collect)
     for task, method in {"MoveBucket": "shares", "PushChair": "maniskill"}.items():
