@@ -165,7 +165,7 @@ def data_commands(task: str, work: Path, workers: int) -> list[list[str]]:
     options = [text for name, value in points.items() for text in (f"--{name}", value)]
     if is_training_set(Path(data)):
         held = read_set_manifest(Path(data))
-        of_set = {"points": held.options["num_points"], **held.options}
+        of_set = {"points": held.sampling["num_points"], **held.sampling}
         found = [text for name in points for text in (f"--{name}", str(of_set[name]))]
         check(found == options, f"{data!r} was made with {' '.join(found)}, not {' '.join(options)}: remove it")
         many = held.trajectories / len(held.objects)

@@ -164,8 +164,8 @@ def test_commands_of_the_tracks() -> None:
 
 
 def test_a_set_that_was_made_in_another_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    options = {"num_points": 128, "method": "shares", "frame": "robot"}
-    held = SimpleNamespace(options=options, trajectories=80, objects=["bucket-0000", "bucket-0001"])
+    sampling = {"num_points": 128, "method": "shares", "frame": "robot"}
+    held = SimpleNamespace(sampling=sampling, trajectories=80, objects=["bucket-0000", "bucket-0001"])
     monkeypatch.setattr(script, "is_training_set", lambda folder: True)
     monkeypatch.setattr(script, "read_set_manifest", lambda folder: held)
     assert data_commands("MoveBucket", tmp_path, 2) == []
