@@ -267,11 +267,13 @@ def table_text(found: dict[Policy, dict[str, Measured]], page: Path) -> str:
 
 
 def _baseline_rows(page: Path) -> Iterator[list[str]]:
-    """Yield a row per method of docs/learning.md that was measured, then the paper's."""
+    """Yield a row per method of docs/learning.md that was measured, then the paper's: rates over all seeds."""
     found = read_on_test(page.parent / BASELINES)
     for method in METHODS:
         if method in found:
-            yield [", ".join(names(method)), "test", *(_cell(found[method].get(task, [])) for task in TASKS)]
+            tasks = (found[method].get(task, []) for task in TASKS)
+            cells = [f"{sum_of(seeds).rate:.0%}" if seeds else MISSING for seeds in tasks]
+            yield [", ".join(names(method)), "test", *cells]
     for method, rates in PAPER_B.items():
         cells = [f"{on_test:.0%}" for _, on_test in rates]
         yield [", ".join(names(method, PAPER)), "its own", *cells]
