@@ -25,13 +25,12 @@ from learning_tables.cells import TASKS
 from learning_tables.markdown import sum_of, write_between
 from learning_tables.results import Measured, read_rows, write_rows
 from make_rolled_cabinets import rolled_cabinets
-from make_track_tables import DOOR, PAGE, ROLLED, SPLITS, TRACKS, read_csv
+from make_track_tables import DOOR, NO_RESTRICTIONS, PAGE, ROLLED, SPLITS, TRACKS, read_csv
 from make_track_tables import TABLE as RATES
 
 TABLE = Path("data", "novelty.csv")  # beside the page
 BEGIN, END = "<!-- made by tools/make_novelty_table.py -->", "<!-- end of the novelty -->"
 CSV_HEAD = ["task", "split", "object", "nearest train", "mm", "nearest generated", "mm to generated"]
-NO_RESTRICTIONS = next(iter(TRACKS))  # the track that adds generated objects
 
 
 class Novelty(NamedTuple):

@@ -23,30 +23,31 @@ from artiskill.jobs.parallel import available_cores
 from artiskill.learning.train_config import DEVELOPMENT_SEEDS, ROLLOUT_SEEDS
 from artiskill.learning.training_set import is_training_set, read_set_manifest
 from learning_tables import commands
-from learning_tables.cells import METHODS, TASKS
+from learning_tables.cells import METHODS, TASKS, B, Settings
 from learning_tables.commands import finish, in_pool
-from learning_tables.markdown import MISSING, PAPER, names, range_text, sum_of, write_between
+from learning_tables.markdown import MISSING, PAPER, chosen, names, range_text, sum_of, write_between
 from learning_tables.results import (
     PAPER_B,
     Measured,
     add_counts,
+    read_csv_rows,
     read_measured,
-    read_on_test,
     read_rows,
     rows_of_counts,
     write_rows,
 )
+from make_learning_tables import DEFAULTS, kept_settings
+from make_learning_tables import TABLE as BASELINES
 from make_rolled_cabinets import LIST, make_folders
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "generalization.md"
 TABLE = Path("data", "tracks.csv")  # beside the page
-BASELINES = Path("data", "learning.csv")  # beside the page, of tools/make_learning_tables.py
 BEGIN, END = "<!-- made by tools/make_track_tables.py -->", "<!-- end of the tracks -->"
 SPLITS = ("test", "ood")
 TRAIN, EVALUATE = STAGES = ("train", "evaluate")
-NO_INTERACTIONS = "no-interactions"
+NO_RESTRICTIONS, NO_INTERACTIONS = "no-restrictions", "no-interactions"
 TRACKS = {  # options of training; by DAgger, but for the last one
-    "no-restrictions": (),
+    NO_RESTRICTIONS: (),
     "interactive-expert": ("--objects", "train"),
     NO_INTERACTIONS: ("--dev-objects", "none"),
 }
@@ -137,7 +138,7 @@ def run_all(policies: Sequence[Policy], options: argparse.Namespace) -> bool:
         for task in sorted({one.task for one in policies if one.track == NO_INTERACTIONS}):
             if not all(commands.call(one, os.environ) for one in data_commands(task, options.work, options.jobs)):
                 return True
-        if any(one.track == "no-restrictions" and one.task == DOOR for one in policies):
+        if any(one.track == NO_RESTRICTIONS and one.task == DOOR for one in policies):
             for name, seeds in ROLLED.items():
                 if not (rolled_folder(options.work, name) / LIST).is_file():  # it is written last
                     make_folders(seeds, rolled_folder(options.work, name))
@@ -203,7 +204,7 @@ def train_command(policy: Policy, work: Path) -> list[str]:
     command = ["train", name, "--task", policy.task, "--out", out, *TRACKS[policy.track]]
     if learns_alone:
         command += ["--data", str(work / "sets" / policy.task), *IMITATION[policy.task].options]
-    if policy.track == "no-restrictions" and policy.task == DOOR:
+    if policy.track == NO_RESTRICTIONS and policy.task == DOOR:
         command += rolled_options(work)
     return [*command, "--seed", str(policy.seed), "--threads", "1", "--workers", "1"]
 
@@ -260,18 +261,19 @@ def table_text(found: dict[Policy, dict[str, Measured]], page: Path) -> str:
         for split in SPLITS:
             cells = []
             for task in TASKS:
-                chosen = [one[split] for policy, one in found.items() if policy[:2] == (track, task)]
-                cells.append(_cell(chosen))
+                seeds = [one[split] for policy, one in found.items() if policy[:2] == (track, task)]
+                cells.append(_cell(seeds))
             rows.append([track, split, *cells])
     return markdown(["track, or baseline", "objects", *TASKS], [*rows, *_baseline_rows(page)])
 
 
 def _baseline_rows(page: Path) -> Iterator[list[str]]:
     """Yield a row per method of docs/learning.md that was measured, then the paper's: rates over all seeds."""
-    found = read_on_test(page.parent / BASELINES)
+    path = page.parent / BASELINES
+    found = read_csv_rows(path, Settings(**(DEFAULTS | kept_settings(path.parent))))
     for method in METHODS:
-        if method in found:
-            tasks = (found[method].get(task, []) for task in TASKS)
+        tasks = [[one.measured["test"] for one in chosen(found, B, method, task)] for task in TASKS]
+        if any(tasks):
             cells = [f"{sum_of(seeds).rate:.0%}" if seeds else MISSING for seeds in tasks]
             yield [", ".join(names(method)), "test", *cells]
     for method, rates in PAPER_B.items():

@@ -38,7 +38,7 @@ def drawer_table(results: Sequence[Result], settings: Settings) -> str:
     counts = list(settings.schedule)
     rows = []
     for method in METHODS:
-        cells = [_chosen(results, A, method, count) for count in counts]
+        cells = [chosen(results, A, method, count) for count in counts]
         texts = [_rate(found, "new") for found in cells]
         rows.append([*names(method), *texts, *_training([one for found in cells for one in found])])
     for method, rates in PAPER_A.items():
@@ -53,7 +53,7 @@ def tasks_table(results: Sequence[Result]) -> str:
     rows = []
     for number, task in enumerate(TASKS):
         for method in METHODS:
-            found = _chosen(results, B, method, task)
+            found = chosen(results, B, method, task)
             tests = [one.measured["test"] for one in found]
             objects = range_text(sum_of(tests).objects_interval) if tests else MISSING
             paper = " / ".join(f"{rate:.0%}" for rate in PAPER_B[method][number]) if method in PAPER_B else ""
@@ -107,7 +107,8 @@ def _about_cells(results: Sequence[Result], table: str, columns: int) -> str:
     )
 
 
-def _chosen(results: Sequence[Result], table: str, method: Method, column: str) -> list[Result]:
+def chosen(results: Sequence[Result], table: str, method: Method, column: str) -> list[Result]:
+    """Return the results of one place of a table, of all seeds."""
     return [one for one in results if one.cell[:3] == (table, method, column)]
 
 

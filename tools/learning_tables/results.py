@@ -158,24 +158,6 @@ def _add_row(found: dict[Cell, Result], row: dict[str, str], settings: Settings)
     add_counts(result.measured, row["measured on"], row, float(row["measuring seconds"]))
 
 
-def read_on_test(path: Path) -> dict[Method, dict[str, list[Measured]]]:
-    """Return what policies of table b in a CSV file that `csv_rows` wrote reached on test objects, by task.
-
-    Raises:
-        ConfigError: it has other columns.
-    """
-    policies: dict[tuple[Method, str, str], dict[str, Measured]] = {}
-    for row in read_rows(path, CSV_HEAD):
-        if row["table"] == B:
-            method = Method(row["network"], row["algorithm"])
-            add_counts(policies.setdefault((method, row["task"], row["seed"]), {}), row["measured on"], row)
-    found: dict[Method, dict[str, list[Measured]]] = {}
-    for (method, task, _), measured in policies.items():
-        if "test" in measured:
-            found.setdefault(method, {}).setdefault(task, []).append(measured["test"])
-    return found
-
-
 def add_counts(measured: dict[str, Measured], split: str, row: dict[str, str], seconds: float = 0.0) -> None:
     """Add the counts of a row, of one object, to those of a split."""
     one = measured.setdefault(split, Measured(Counter(), Counter(), seconds))
