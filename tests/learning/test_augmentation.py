@@ -177,6 +177,26 @@ def test_points_tremble_are_lost_and_leave_their_masks() -> None:
     assert {array.dtype for array in found[:3]} == {np.dtype(np.float32)}
 
 
+def test_points_below_some_height_are_cut_off_but_the_robots() -> None:
+    given, found, labels, others = vary(cut=1.0, cut_m=0.5)
+    lost, height, robot = given.valid & ~found.valid, given.points[..., 2], given.masks[..., 2] > 0
+    assert (found.valid <= given.valid).all()
+    assert lost.any()
+    assert not (lost & robot).any()
+    highest = [height[row, lost[row]].max(initial=-np.inf) for row in range(B)]
+    lowest = [height[row, found.valid[row] & ~robot[row]].min() for row in range(B)]
+    assert (np.array(highest) < np.array(lowest)).all()
+    assert max(highest) < 0.5
+    assert len(set(highest)) > 1
+    for one, other in zip((*found._replace(valid=given.valid), others), (*given, labels), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_about_the_share_asked_for_is_cut() -> None:
+    given, found, *_ = vary(cut=0.5, cut_m=0.5)
+    assert 0 < (found.valid != given.valid).any(axis=1).sum() < B
+
+
 def test_nothing_changes_where_nothing_is_asked_for() -> None:
     given, found, labels, others = vary()
     for one, other in zip((*found, others), (*given, labels), strict=True):
@@ -185,7 +205,16 @@ def test_nothing_changes_where_nothing_is_asked_for() -> None:
 
 
 @pytest.mark.parametrize(
-    "values", [{"mirror": 1.5}, {"stretch": -0.1}, {"drop": 2}, {"displace": 2}, {"displace_rad": 0.5}]
+    "values",
+    [
+        {"mirror": 1.5},
+        {"stretch": -0.1},
+        {"drop": 2},
+        {"cut": -1},
+        {"cut_m": -0.1},
+        {"displace": 2},
+        {"displace_rad": 0.5},
+    ],
 )
 def test_values_that_make_no_sense(values: dict[str, Any]) -> None:
     with pytest.raises(ConfigError, match=next(iter(values))):

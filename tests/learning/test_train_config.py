@@ -35,6 +35,20 @@ def test_values_that_the_package_comes_with(
     assert load_train_config(name, TASK, "pointnet").network.point_layers == (256, 512)
 
 
+@pytest.mark.parametrize(
+    ("name", "task", "seen"),
+    [
+        ("dagger", "PushChair", False),
+        ("dagger", "MoveBucket", True),
+        ("command_bc", "OpenCabinetDoor", False),
+    ],
+)
+def test_an_algorithm_may_say_for_a_task_what_the_network_sees(name: str, task: str, seen: bool) -> None:
+    assert load_train_config(name, task).network.input.velocities is seen
+    other = load_train_config(name, task, overrides={"network.input.velocities": not seen})
+    assert other.network.input.velocities is not seen
+
+
 def test_a_saved_configuration_is_whole(tmp_path: Path) -> None:
     config = load_train_config("td3bc", "PushChair", overrides={"algorithm.alpha": 0.5, "network.head": [32]})
     assert config.development.objects == ("generated:chair:1000000..1000011",)

@@ -37,13 +37,15 @@ class AugmentationConfig:
     jitter_m: float = 0.0  # standard deviation of each coordinate
     drop: float = 0.0  # up to this share of the points is missing
     unmask: float = 0.0  # up to this share of the points is in no mask
+    cut: float = 0.0  # share of the steps without points below some height, but the robot's
+    cut_m: float = 0.4  # that height at most
     displace: float = 0.0  # share of the steps whose robots stand elsewhere, and are led back
     displace_m: float = 0.06  # standard deviation of where their hands are, in each direction
     displace_rad: float = 0.2  # that of each component of the hands' rotation vectors
 
     def __post_init__(self) -> None:
-        check_not_negative(self, "stretch", "jitter_m")
-        for name in ("mirror", "drop", "unmask", "displace"):
+        check_not_negative(self, "stretch", "jitter_m", "cut_m")
+        for name in ("mirror", "drop", "unmask", "cut", "displace"):
             check_inside(name, getattr(self, name), (0, 1))
         for name in ("displace_m", "displace_rad"):
             check_inside(name, getattr(self, name), (0, _MOST_DISPLACED))
@@ -97,6 +99,9 @@ class Augmentation:
             moved = moved + rng.normal(0.0, config.jitter_m, moved.shape)
         if config.drop:
             valid = valid & (rng.random((count, points)) >= config.drop * rng.random((count, 1)))
+        if config.cut:
+            heights = np.where(rng.random((count, 1)) < config.cut, config.cut_m * rng.random((count, 1)), -np.inf)
+            valid = valid & ((moved[..., 2] >= heights) | (masks[..., -1] > 0))
         if config.unmask:
             kept = rng.random((count, points)) >= config.unmask * rng.random((count, 1))
             masks = masks * kept[..., None].astype(masks.dtype)

@@ -155,13 +155,12 @@ def load_train_config(
     check_name("network", network, (*NETWORKS, *[KINEMATIC] * (name in OF_COMMANDS)))
     spec = task_spec(task)
     values = file_values((_SHARED, name), task)
-    values |= {"task": task, "name": name, "network": to_mapping(load_network_config(network))}
+    own = to_mapping(load_network_config(network, values.get("network")))
+    values |= {"task": task, "name": name, "network": own}
     if values["development"]["objects"] is None:
         values["development"]["objects"] = (f"generated:{spec.category}:{DEVELOPMENT_SEEDS[spec.category]}",)
     seen = values["network"]["input"]
     seen["origin"] = seen["body"] and spec.category in _AT_ORIGIN
-    if name == "command_bc":  # velocities tell the demonstrations' last action, which a policy then copies
-        seen["velocities"] = False
     if name in INTERACTIVE:
         if merge_overrides({"algorithm": {}}, overrides or {})["algorithm"].get("objects") is not None:
             values["algorithm"]["generated_share"] = None  # the task's is of the objects that it has by default
