@@ -92,17 +92,19 @@ def test_rows_that_say_nothing_are_left_out(tmp_path: Path, commands: list[list[
 def test_an_ablation_changes_one_thing(name: str) -> None:
     pytest.importorskip("torch")
     command = train_command(Variant("ablations", name, 0), Path("w"))
-    values = command[command.index("--set") + 1 : command.index("--seed")] if "--set" in command else []
+    values = [text for text in command if "=" in text]
     network = command[command.index("--network") + 1] if "--network" in command else None
     changed = load_train_config("dagger", TASK, network, overrides_of(values))
-    assert (changed == load_train_config("dagger", TASK)) == (name == "as-it-is" or "--points" in command)
+    unchanged = load_train_config("dagger", TASK, overrides={"network.input.velocities": True})
+    assert (changed == unchanged) == (name == "as-it-is" or "--points" in command)
+    assert changed.network.input.velocities == (network is None)
 
 
 def test_commands() -> None:
     few = Variant("counts", "25", 3)
     assert " ".join(train_command(few, Path("w"))) == (
         "train dagger --task OpenCabinetDrawer --out w/counts/25/seed-3/run --objects generated:cabinet:0..37 "
-        "--seed 3 --threads 1 --workers 1"
+        "--set network.input.velocities=true --seed 3 --threads 1 --workers 1"
     )
     assert "--objects generated:cabinet:7000000..7000059 --episodes 4" in " ".join(
         evaluate_command(few, "generated", Path("w"))

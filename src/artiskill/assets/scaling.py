@@ -1,0 +1,96 @@
+"""Objects of another size: the same shapes, joints and materials, larger or smaller."""
+
+import math
+import numbers
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape, Handle, Joint, Link
+from artiskill.errors import AssetError, shown
+
+# how facts about an object grow with its size, by the end of their names
+_POWERS = {"_m": 1, "_l": 3, "_kg": 3}
+
+
+def scaled(obj: ArticulatedObject, factor: float) -> ArticulatedObject:
+    """Return an object that is larger or smaller by a factor, about its origin.
+
+    Densities stay, so its mass grows with the cube of the factor. Springs hold it as they did. `metadata["scale"]`
+    says the factor.
+
+    Args:
+        obj: any object.
+        factor: by which lengths are multiplied, positive.
+
+    Returns:
+        The object, whose id ends with the factor in per cent.
+
+    Raises:
+        AssetError: another factor.
+    """
+    if isinstance(factor, bool) or not isinstance(factor, numbers.Real) or not 0 < factor < math.inf:
+        raise AssetError(f"the factor of an object's size must be a positive number, not {shown(factor)}")
+    size = float(factor)
+    facts = {**_facts(obj.metadata, size), "scale": size * float(obj.metadata.get("scale", 1.0))}
+    return ArticulatedObject(
+        id=f"scaled-{obj.id}-{100 * size:.4g}",
+        category=obj.category,
+        links=tuple(_link(link, size) for link in obj.links),
+        handles=tuple(_handle(handle, size) for handle in obj.handles),
+        bounds=obj.bounds * size,
+        metadata=facts,
+    )
+
+
+def _facts(metadata: Mapping[str, Any], size: float) -> dict[str, Any]:
+    """Return what is known of an object, with lengths, volumes and masses of the new size."""
+    found = dict(metadata)
+    for name, value in metadata.items():
+        power = next((power for end, power in _POWERS.items() if name.endswith(end)), 0)
+        if power and isinstance(value, numbers.Real):
+            found[name] = round(float(value) * size**power, 4)
+    return found
+
+
+def _link(link: Link, size: float) -> Link:
+    return replace(
+        link,
+        position=link.position * size,
+        joint=None if link.joint is None else _joint(link.joint, size),
+        visuals=tuple(replace(one, mesh=one.mesh.scaled(size)) for one in link.visuals),
+        collisions=tuple(_shape(one, size) for one in link.collisions),
+        surface_points=link.surface_points * size,
+    )
+
+
+def _joint(joint: Joint, size: float) -> Joint:
+    """A joint whose spring gives way by the same angle, or by as much of the object's size, under its weight."""
+    slides = joint.kind == "prismatic"
+    length = size if slides else 1.0
+    return replace(
+        joint,
+        origin=joint.origin * size,
+        limits=(joint.limits[0] * length, joint.limits[1] * length),
+        stiffness=joint.stiffness * size ** (2 if slides else 4),
+        spring_reference=joint.spring_reference * length,
+    )
+
+
+def _shape(shape: CollisionShape, size: float) -> CollisionShape:
+    vertices = None if shape.vertices is None else shape.vertices * size
+    return replace(
+        shape, size=tuple(one * size for one in shape.size), position=shape.position * size, vertices=vertices
+    )
+
+
+def _handle(handle: Handle, size: float) -> Handle:
+    planes = handle.planes.copy()
+    planes[:, 3] *= size  # a plane is its unit normal and how far it is from the origin
+    return replace(
+        handle,
+        points=handle.points * size,
+        planes=planes,
+        grasp_positions=handle.grasp_positions * size,
+        grasp_width_m=handle.grasp_width_m * size,
+    )
