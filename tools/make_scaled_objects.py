@@ -3,7 +3,8 @@
 `python tools/make_scaled_objects.py --objects train --task PushChair --scale 1.05 1.35 --out scaled/train`
 
 Each object gets one random factor, by its name and `--seed`, whatever else is named. `objects.yaml` lists them,
-for `artiskill train dagger --objects` and `artiskill evaluate --objects`.
+for `artiskill train dagger --objects` and `artiskill evaluate --objects`. Training refuses those of `test` and
+`ood`.
 """
 
 import argparse
@@ -15,7 +16,7 @@ import numpy as np
 
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import object_of, resolve_objects
-from artiskill.assets.scaling import scaled
+from artiskill.assets.scaling import FACTORS, scaled
 from artiskill.errors import ArtiSkillError, AssetError
 from make_rolled_cabinets import write_folders
 
@@ -59,8 +60,10 @@ def make_folders(objects: Sequence[str], task: str, scale: Sequence[float], out:
         ArtiSkillError: illegal objects, task, range or seed; a folder holds something else, or cannot be written.
     """
     low, high = scale
-    if not 0 < low <= high < np.inf:
-        raise AssetError(f"--scale must be two positive numbers, LOW <= HIGH, not {low:g} {high:g}")
+    if not FACTORS[0] <= low <= high <= FACTORS[1]:
+        raise AssetError(
+            f"--scale must be two numbers from {FACTORS[0]:g} to {FACTORS[1]:g}, LOW <= HIGH, not {low:g} {high:g}"
+        )
     if seed < 0:
         raise AssetError(f"--seed must be at least 0, not {seed}")
     made = scaled_objects(objects, task, (low, high), seed)
@@ -74,7 +77,8 @@ def scaled_objects(
     for item in resolve_objects(objects, task=task):
         obj = object_of(item)
         rng = np.random.default_rng([seed, *obj.id.encode()])  # of its own
-        yield scaled(obj, round(float(rng.uniform(*scale)), 2))
+        rounded = round(float(rng.uniform(*scale)), 2)  # in names
+        yield scaled(obj, min(max(rounded, scale[0]), scale[1]))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Objects of another size: lengths grow with the factor, masses with its cube, and springs still carry them."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -49,18 +50,16 @@ def test_what_collides_weighs_the_cube(both: tuple[ArticulatedObject, Articulate
 
 
 def test_springs_carry_a_larger_chair() -> None:
-    """Its weight grows with the cube of the size, but the seat neither sinks nor tips."""
+    """Forces grow as the weight does, with the cube of the size; torques once more, by their arms."""
     small = load_object("generated:chair:3000000")
-    found = []
-    for one in (small, scaled(small, FACTOR)):
-        sprung = [k for k, joint in enumerate(one.joints) if joint.stiffness]
-        env = ManipulationEnv("PushChair", objects=one)
-        env.reset(options={"level": 0})
-        for _ in range(40):
-            env.step(np.zeros(env.action_space.shape))
-        found.append(env.snapshot.object_qpos[0, sprung])
-    assert [joint.kind for joint in small.joints if joint.stiffness] == ["prismatic", "revolute"]
-    np.testing.assert_allclose(found[1], found[0], atol=2e-3)
+    kinds = []
+    for one, other in zip(small.joints, scaled(small, FACTOR).joints, strict=True):
+        before, after = (joint.stiffness * joint.spring_reference for joint in (one, other))
+        slides = one.kind == "prismatic"
+        assert after == pytest.approx(before * FACTOR ** (3 if slides else 4), rel=1e-12)
+        assert other.spring_reference == one.spring_reference * (FACTOR if slides else 1)
+        kinds += [one.kind] * (before != 0)
+    assert kinds == ["prismatic", "revolute"], "it has both"
 
 
 def test_a_handle_keeps_its_shape() -> None:
@@ -77,11 +76,29 @@ def test_factors_multiply() -> None:
     small = load_object("generated:chair:3000000")
     again = scaled(scaled(small, 2.0), 0.5)
     assert again.id == "scaled-scaled-generated-chair-3000000-200-50"
-    assert again.metadata["scale"] == 1.0
+    assert (again.metadata["scale"], again.metadata["scaled_from"]) == (1.0, small.id)
     assert again.bounds.tolist() == small.bounds.tolist()
 
 
-@pytest.mark.parametrize("factor", [0, -1.2, math.inf, math.nan, True, "1.2", None])
+def test_what_an_importer_says_of_an_object(drawer_box: ArticulatedObject) -> None:
+    facts = {"scale": 0.8, "partnet_id": "179", "handle_gaps_m": (0.02, 0.04), "parts": ["front"]}
+    found = scaled(replace(drawer_box, metadata=facts), 0.5).metadata
+    assert found == {
+        "scale": 0.4,
+        "scaled_from": "drawer-box",
+        "handle_gaps_m": (0.01, 0.02),
+        "parts": ["front"],
+    }, "it can no longer be loaded by its number"
+
+
+def test_it_hangs_on_the_wall_higher_up() -> None:
+    small = load_object("generated:cabinet:3000004")
+    large = scaled(small, FACTOR)
+    assert len(large.own_links) < len(large.links)
+    assert large.bounds[0, 2] == FACTOR * small.bounds[0, 2] > 0
+
+
+@pytest.mark.parametrize("factor", [0, -1.2, 0.009, 101, math.inf, math.nan, True, "1.2", None])
 def test_illegal_factors(factor: object) -> None:
-    with pytest.raises(AssetError, match="must be a positive number, not"):
+    with pytest.raises(AssetError, match=r"must be a number from 0\.01 to 100, not"):
         scaled(load_object("generated:chair:3000000"), factor)  # type: ignore[arg-type]

@@ -10,11 +10,18 @@ torch = pytest.importorskip("torch")
 
 from tests.learning.tiny_set import TASK, tiny_config
 
+from artiskill.assets.catalog import load_object
+from artiskill.assets.scaling import scaled
 from artiskill.cli.main import main
 from artiskill.config import dump_yaml
 from artiskill.errors import ConfigError, RunError, UnknownNameError
 from artiskill.learning.reinforcement_config import load_reinforcement_config
-from artiskill.learning.train_config import check_development, load_train_config, read_train_config
+from artiskill.learning.train_config import (
+    check_development,
+    check_not_measured,
+    load_train_config,
+    read_train_config,
+)
 
 
 @pytest.mark.parametrize(
@@ -98,6 +105,13 @@ def test_objects_that_are_measured_choose_no_checkpoint(tmp_path: Path) -> None:
         with pytest.raises(ConfigError, match="'cabinet-0005' is of 'test'"):
             check_development(tiny_config(development__objects=[given]))
     assert check_development(tiny_config(development__objects=["cabinet-0002"])) == ["cabinet-0002"]
+
+
+def test_nor_do_such_objects_of_another_size() -> None:
+    twice = scaled(scaled(load_object("cabinet-0005"), 1.1), 1.1)
+    with pytest.raises(ConfigError, match="'cabinet-0005' is of 'test'"):
+        check_not_measured([twice])
+    check_not_measured([scaled(load_object("cabinet-0002"), 1.1)])
 
 
 def test_development_objects_by_default_fit_the_task() -> None:

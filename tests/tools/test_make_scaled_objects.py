@@ -34,6 +34,13 @@ def test_the_list_names_what_evaluation_takes(load_tool: LoadTool, tmp_path: Pat
     assert alone.metadata["scale"] == factors[1], "whatever else is named"
 
 
+def test_a_range_of_one_factor(load_tool: LoadTool, tmp_path: Path) -> None:
+    assert run(load_tool, tmp_path, CHAIRS[0], scale=("1.234", "1.234")) == 0
+    (found,) = resolve_objects([str(tmp_path / "objects.yaml")], task="PushChair")
+    assert not isinstance(found, str)
+    assert (found.id, found.metadata["scale"]) == ("scaled-generated-chair-3000000-123.4", 1.234)
+
+
 @pytest.mark.parametrize(
     ("scale", "said"), [(("1.3", "1.1"), "1.3 1.1"), (("0", "1"), "0 1"), (("nan", "1"), "nan 1")]
 )

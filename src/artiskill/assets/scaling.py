@@ -1,6 +1,5 @@
 """Objects of another size: the same shapes, joints and materials, larger or smaller."""
 
-import math
 import numbers
 from collections.abc import Mapping
 from dataclasses import replace
@@ -9,32 +8,44 @@ from typing import Any
 from artiskill.assets.articulated_object import ArticulatedObject, CollisionShape, Handle, Joint, Link
 from artiskill.errors import AssetError, shown
 
-# how facts about an object grow with its size, by the end of their names
-_POWERS = {"_m": 1, "_l": 3, "_kg": 3}
+FACTORS = (0.01, 100.0)  # legal ones
+
+_POWERS = {"_m": 1, "_l": 3, "_kg": 3}  # how facts about an object grow with its size, by the end of their names
+_OF_THE_FILE = ("partnet_id",)  # facts that name where an object can be loaded, which a scaled one cannot
 
 
 def scaled(obj: ArticulatedObject, factor: float) -> ArticulatedObject:
     """Return an object that is larger or smaller by a factor, about its origin.
 
-    Densities stay, so its mass grows with the cube of the factor. Springs hold it as they did. `metadata["scale"]`
-    says the factor.
+    Densities stay, so its mass grows with the cube of the factor, and springs carry it as they did. A wall that it
+    hangs on grows, too, and with it the height at which it hangs. A handle stays hookable or not, though a finger
+    needs as much room as before, and may become too wide for the gripper.
 
     Args:
         obj: any object.
-        factor: by which lengths are multiplied, positive.
+        factor: by which lengths are multiplied, 0.01 to 100.
 
     Returns:
-        The object, whose id ends with the factor in per cent.
+        The object. Its id ends with the factor in per cent, `metadata["scaled_from"]` is the id of what is scaled,
+        and `metadata["scale"]` the product of all factors, that of an import included.
 
     Raises:
         AssetError: another factor.
     """
-    if isinstance(factor, bool) or not isinstance(factor, numbers.Real) or not 0 < factor < math.inf:
-        raise AssetError(f"the factor of an object's size must be a positive number, not {shown(factor)}")
+    is_number = isinstance(factor, numbers.Real) and not isinstance(factor, bool)
+    if not is_number or not FACTORS[0] <= factor <= FACTORS[1]:
+        raise AssetError(
+            f"the factor of an object's size must be a number from {FACTORS[0]:g} to {FACTORS[1]:g}, "
+            f"not {shown(factor)}"
+        )
     size = float(factor)
-    facts = {**_facts(obj.metadata, size), "scale": size * float(obj.metadata.get("scale", 1.0))}
+    facts = {
+        **_facts(obj.metadata, size),
+        "scale": size * float(obj.metadata.get("scale", 1.0)),
+        "scaled_from": str(obj.metadata.get("scaled_from", obj.id)),
+    }
     return ArticulatedObject(
-        id=f"scaled-{obj.id}-{100 * size:.4g}",
+        id=f"scaled-{obj.id}-{100 * size:.6g}",
         category=obj.category,
         links=tuple(_link(link, size) for link in obj.links),
         handles=tuple(_handle(handle, size) for handle in obj.handles),
@@ -45,10 +56,12 @@ def scaled(obj: ArticulatedObject, factor: float) -> ArticulatedObject:
 
 def _facts(metadata: Mapping[str, Any], size: float) -> dict[str, Any]:
     """Return what is known of an object, with lengths, volumes and masses of the new size."""
-    found = dict(metadata)
-    for name, value in metadata.items():
+    found = {name: value for name, value in metadata.items() if name not in _OF_THE_FILE}
+    for name, value in found.items():
         power = next((power for end, power in _POWERS.items() if name.endswith(end)), 0)
-        if power and isinstance(value, numbers.Real):
+        if power and isinstance(value, tuple | list):
+            found[name] = type(value)(round(float(one) * size**power, 4) for one in value)
+        elif power and isinstance(value, numbers.Real):
             found[name] = round(float(value) * size**power, 4)
     return found
 
