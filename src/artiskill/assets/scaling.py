@@ -10,7 +10,7 @@ from artiskill.errors import AssetError, shown
 
 FACTORS = (0.01, 100.0)  # legal ones
 
-_POWERS = {"_m": 1, "_l": 3, "_kg": 3}  # how facts about an object grow with its size, by the end of their names
+_LENGTHS, _VOLUMES = ("_m",), ("_l", "_kg")  # how facts that grow with the size end
 _OF_THE_FILE = ("partnet_id",)  # facts that name where an object can be loaded, which a scaled one cannot
 
 
@@ -58,11 +58,11 @@ def _facts(metadata: Mapping[str, Any], size: float) -> dict[str, Any]:
     """Return what is known of an object, with lengths, volumes and masses of the new size."""
     found = {name: value for name, value in metadata.items() if name not in _OF_THE_FILE}
     for name, value in found.items():
-        power = next((power for end, power in _POWERS.items() if name.endswith(end)), 0)
-        if power and isinstance(value, tuple | list):
-            found[name] = type(value)(round(float(one) * size**power, 4) for one in value)
-        elif power and isinstance(value, numbers.Real):
-            found[name] = round(float(value) * size**power, 4)
+        growth = size if name.endswith(_LENGTHS) else size * size * size if name.endswith(_VOLUMES) else 1.0
+        if growth != 1.0 and isinstance(value, tuple | list):
+            found[name] = type(value)(round(float(one) * growth, 4) for one in value)
+        elif growth != 1.0 and isinstance(value, numbers.Real):
+            found[name] = round(float(value) * growth, 4)
     return found
 
 
@@ -79,13 +79,13 @@ def _link(link: Link, size: float) -> Link:
 
 def _joint(joint: Joint, size: float) -> Joint:
     """A joint whose spring gives way by the same angle, or by as much of the object's size, under its weight."""
-    slides = joint.kind == "prismatic"
+    slides, square = joint.kind == "prismatic", size * size
     length = size if slides else 1.0
     return replace(
         joint,
         origin=joint.origin * size,
         limits=(joint.limits[0] * length, joint.limits[1] * length),
-        stiffness=joint.stiffness * size ** (2 if slides else 4),
+        stiffness=joint.stiffness * (square if slides else square * square),
         spring_reference=joint.spring_reference * length,
     )
 
