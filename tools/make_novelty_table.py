@@ -1,8 +1,8 @@
 """Say how new the test objects are: `python tools/make_novelty_table.py`; two minutes.
 
 For each object of `test` and `ood`, the nearest one that policies train on: of the catalogue's `train`, and of
-the generated ones that *No Restrictions* adds, for doors also those on their side. Then how success falls with
-that distance: docs/data/tracks.csv.
+those that *No Restrictions* adds, which are generated ones, cabinets on their side (doors) and larger chairs. Then
+how success falls with that distance: docs/data/tracks.csv.
 """
 
 import argparse
@@ -25,7 +25,8 @@ from learning_tables.cells import TASKS
 from learning_tables.markdown import sum_of, write_between
 from learning_tables.results import Measured, read_rows, write_rows
 from make_rolled_cabinets import rolled_cabinets
-from make_track_tables import DOOR, NO_RESTRICTIONS, PAGE, ROLLED, SPLITS, TRACKS, read_csv
+from make_scaled_objects import scaled_objects
+from make_track_tables import CHAIR, DOOR, NO_RESTRICTIONS, PAGE, ROLLED, SCALED, SCALES, SPLITS, TRACKS, read_csv
 from make_track_tables import TABLE as RATES
 
 TABLE = Path("data", "novelty.csv")  # beside the page
@@ -91,6 +92,8 @@ def measure(task: str) -> Iterator[Novelty]:
     generated = _described([f"generated:{category}:{ROLLOUT_SEEDS[category]}"], task)
     if task == DOOR:
         generated += map(describe, rolled_cabinets(ROLLED["train"]))
+    if task == CHAIR:
+        generated += map(describe, scaled_objects(SCALED["train"], task, SCALES))
     for split in SPLITS:
         for one in _described([split], task):
             yield Novelty(task, split, one.id, *_nearest(one, train), *_nearest(one, generated))

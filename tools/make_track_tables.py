@@ -22,6 +22,7 @@ from artiskill.gallery.facts import markdown
 from artiskill.jobs.parallel import available_cores
 from artiskill.learning.train_config import DEVELOPMENT_SEEDS, ROLLOUT_SEEDS
 from artiskill.learning.training_set import is_training_set, read_set_manifest
+from artiskill.tasks.registry import task_spec
 from learning_tables import commands
 from learning_tables.cells import METHODS, TASKS, B, Settings
 from learning_tables.commands import finish, in_pool
@@ -38,7 +39,10 @@ from learning_tables.results import (
 )
 from make_learning_tables import DEFAULTS, kept_settings
 from make_learning_tables import TABLE as BASELINES
-from make_rolled_cabinets import LIST, make_folders
+from make_rolled_cabinets import LIST as ROLLED_LIST
+from make_rolled_cabinets import make_folders as make_rolled
+from make_scaled_objects import LIST as SCALED_LIST
+from make_scaled_objects import make_folders as make_scaled
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "generalization.md"
 TABLE = Path("data", "tracks.csv")  # beside the page
@@ -54,6 +58,14 @@ TRACKS = {  # options of training; by DAgger, but for the last one
 CSV_HEAD = ["track", "task", "seed", "split", "object", "episodes", "successes"]
 DOOR = "OpenCabinetDoor"  # whose policies without restrictions train on cabinets on their side, too
 ROLLED = {"train": "0..299", "development": DEVELOPMENT_SEEDS["cabinet"]}  # seeds of these
+CHAIR = "PushChair"  # the same, on larger chairs
+SCALED = {"train": ("train", "generated:chair:200..299"), "development": ("generated:chair:1000006..1000011",)}
+SCALES = (1.05, 1.35)  # times their size
+# objects as they come that stand beside these
+STANDING = {
+    DOOR: {"train": ROLLOUT_SEEDS["cabinet"], "development": DEVELOPMENT_SEEDS["cabinet"]},
+    CHAIR: {"train": ROLLOUT_SEEDS["chair"], "development": "1000000..1000005"},
+}
 POINTS, FRAME = "128", "robot"
 
 
@@ -138,10 +150,8 @@ def run_all(policies: Sequence[Policy], options: argparse.Namespace) -> bool:
         for task in sorted({one.task for one in policies if one.track == NO_INTERACTIONS}):
             if not all(commands.call(one, os.environ) for one in data_commands(task, options.work, options.jobs)):
                 return True
-        if any(one.track == NO_RESTRICTIONS and one.task == DOOR for one in policies):
-            for name, seeds in ROLLED.items():
-                if not (rolled_folder(options.work, name) / LIST).is_file():  # it is written last
-                    make_folders(seeds, rolled_folder(options.work, name))
+        for task in sorted({one.task for one in policies if one.track == NO_RESTRICTIONS}):
+            make_objects(task, options.work)
     return not in_pool(lambda one: run(one, options.work, options.stages), policies, options.jobs)
 
 
@@ -182,18 +192,36 @@ def data_commands(task: str, work: Path, workers: int) -> list[list[str]]:
     ]
 
 
-def rolled_folder(work: Path, name: str) -> Path:
-    """Return where `ROLLED` cabinets are."""
-    return work / "rolled" / name
+def made_lists(task: str, work: Path) -> dict[str, Path]:
+    """Return the lists of objects that are made for a task to train on and to choose a checkpoint by, if any."""
+    kinds = {DOOR: ("rolled", ROLLED_LIST), CHAIR: ("scaled", SCALED_LIST)}
+    if task not in kinds:
+        return {}
+    folder, file = kinds[task]
+    return {name: work / folder / name / file for name in ("train", "development")}
 
 
-def rolled_options(work: Path) -> list[str]:
-    """Return the options of training that name all objects for doors, those on their side included."""
-    lists = {name: str(rolled_folder(work, name) / LIST) for name in ROLLED}
-    standing = {"train": ROLLOUT_SEEDS["cabinet"], "development": DEVELOPMENT_SEEDS["cabinet"]}
-    generated = {name: f"generated:cabinet:{seeds}" for name, seeds in standing.items()}
-    taught = ["--objects", "train", generated["train"], lists["train"]]
-    return [*taught, "--dev-objects", generated["development"], lists["development"]]
+def make_objects(task: str, work: Path) -> None:
+    """Make the objects of `made_lists` that are missing."""
+    for name, path in made_lists(task, work).items():
+        if path.is_file():  # it is written last
+            continue
+        if task == DOOR:
+            make_rolled(ROLLED[name], path.parent)
+        else:
+            make_scaled(SCALED[name], task, SCALES, path.parent)
+
+
+def objects_options(task: str, work: Path) -> list[str]:
+    """Return the options of training that name all objects where some are made for it; else none."""
+    lists = made_lists(task, work)
+    if not lists:
+        return []
+    category = task_spec(task).category
+    generated = {name: f"generated:{category}:{seeds}" for name, seeds in STANDING[task].items()}
+    taught = ["--objects", "train", generated["train"], str(lists["train"])]
+    share = ["--set", "algorithm.generated_share=0.5"] if task == CHAIR else []  # as without larger ones
+    return [*taught, "--dev-objects", generated["development"], str(lists["development"]), *share]
 
 
 def train_command(policy: Policy, work: Path) -> list[str]:
@@ -204,8 +232,8 @@ def train_command(policy: Policy, work: Path) -> list[str]:
     command = ["train", name, "--task", policy.task, "--out", out, *TRACKS[policy.track]]
     if learns_alone:
         command += ["--data", str(work / "sets" / policy.task), *IMITATION[policy.task].options]
-    if policy.track == NO_RESTRICTIONS and policy.task == DOOR:
-        command += rolled_options(work)
+    if policy.track == NO_RESTRICTIONS:
+        command += objects_options(policy.task, work)
     return [*command, "--seed", str(policy.seed), "--threads", "1", "--workers", "1"]
 
 

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 import make_track_tables as script
+from artiskill.assets.catalog import resolve_objects
 from artiskill.errors import ConfigError
 from learning_tables.cells import Cell, Method
 from learning_tables.results import CSV_HEAD, Measured, Result, csv_rows, write_rows
@@ -42,6 +43,8 @@ def commands(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
 
     monkeypatch.setattr("learning_tables.commands.call", call)
     monkeypatch.setattr(script, "ROLLED", {"train": "4..4", "development": "1000002..1000002"})
+    one_each = {"train": ("chair-0001", "generated:chair:200"), "development": ("generated:chair:1000006",)}
+    monkeypatch.setattr(script, "SCALED", one_each)
     return called
 
 
@@ -130,6 +133,21 @@ def test_what_fails_is_not_measured(tmp_path: Path, commands: list[list[str]]) -
     assert [command[0] for command in commands] == ["train", "train", "export-policy", "evaluate", "evaluate"]
 
 
+def test_larger_chairs_are_made_once(tmp_path: Path, commands: list[list[str]]) -> None:
+    options = ("--tasks", "PushChair", "--seeds", "0", "--stages", "train")
+    assert run(tmp_path, *options) == 1, "chairs fail here"
+    lists = [tmp_path / "work/scaled" / name / "objects.yaml" for name in ("train", "development")]
+    made = [resolve_objects([str(path)], task="PushChair") for path in lists]
+    factors = [one.metadata["scale"] for objects in made for one in objects]
+    assert [len(objects) for objects in made] == [2, 1]
+    assert all(1.05 <= factor <= 1.35 for factor in factors)
+    when = [path.stat().st_mtime_ns for path in lists]
+    run(tmp_path, *options)
+    assert [path.stat().st_mtime_ns for path in lists] == when
+    named = commands[0]
+    assert [word for word in named if word.endswith(".yaml")] == [str(path) for path in lists]
+
+
 def test_commands_of_the_tracks() -> None:
     work = Path("w")
     student = Policy("interactive-expert", "PushChair", 2)
@@ -143,6 +161,12 @@ def test_commands_of_the_tracks() -> None:
         "--dev-objects generated:cabinet:1000000..1000023 w/rolled/development/cabinets.yaml "
     ) in door
     assert "rolled" not in " ".join(train_command(Policy("interactive-expert", "OpenCabinetDoor", 0), work))
+    chair = " ".join(train_command(Policy("no-restrictions", "PushChair", 1), work))
+    assert (
+        "--objects train generated:chair:0..199 w/scaled/train/objects.yaml "
+        "--dev-objects generated:chair:1000000..1000005 w/scaled/development/objects.yaml "
+        "--set algorithm.generated_share=0.5 --seed 1 "
+    ) in chair
     imitators = [Policy("no-interactions", task, 0) for task in ("MoveBucket", "PushChair")]
     bucket, chair = (" ".join(train_command(policy, work)) for policy in imitators)
     assert bucket == (
