@@ -20,6 +20,7 @@ from artiskill.learning.train_config import (
     check_development,
     check_not_measured,
     load_train_config,
+    measured_among,
     read_train_config,
 )
 
@@ -112,6 +113,7 @@ def test_nor_do_such_objects_of_another_size() -> None:
     with pytest.raises(ConfigError, match="'cabinet-0005' is of 'test'"):
         check_not_measured([twice])
     check_not_measured([scaled(load_object("cabinet-0002"), 1.1)])
+    assert list(measured_among([twice.id, "scaled-cabinet-0002-110"])) == ["'cabinet-0005' is of 'test'"]
 
 
 def test_development_objects_by_default_fit_the_task() -> None:

@@ -1,6 +1,7 @@
 """Objects of another size: the same shapes, joints and materials, larger or smaller."""
 
 import numbers
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -11,6 +12,7 @@ from artiskill.errors import AssetError, shown
 FACTORS = (0.01, 100.0)  # legal ones
 
 _LENGTHS, _VOLUMES = ("_m",), ("_l", "_kg")  # how facts that grow with the size end
+_ID = re.compile(r"scaled-(.+)-[\d.]+")
 _OF_THE_FILE = ("partnet_id",)  # facts that name where an object can be loaded, which a scaled one cannot
 
 
@@ -52,6 +54,12 @@ def scaled(obj: ArticulatedObject, factor: float) -> ArticulatedObject:
         bounds=obj.bounds * size,
         metadata=facts,
     )
+
+
+def original_id(name: str) -> str:
+    """Return the id of what an id is of, whatever its size: chair-0001 for scaled-chair-0001-120."""
+    found = _ID.fullmatch(name)
+    return original_id(found[1]) if found else name
 
 
 def _facts(metadata: Mapping[str, Any], size: float) -> dict[str, Any]:

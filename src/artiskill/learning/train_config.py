@@ -15,6 +15,7 @@ from typing import Any, Literal
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import checked_hash, object_id_of, read_catalog, resolve_objects
 from artiskill.assets.names import is_path, is_split_file, parse_generated, partnet_id
+from artiskill.assets.scaling import original_id
 from artiskill.config import (
     CONFIG_DIR,
     check,
@@ -242,9 +243,9 @@ def _made_from(item: str | ArticulatedObject) -> str:
 
 
 def measured_among(ids: Iterable[str]) -> Iterator[str]:
-    """Yield a few words about each object that is of a split that is measured."""
+    """Yield a few words about each object that is of a split that is measured, of whatever size."""
     catalog = read_catalog()
-    for name in ids:
+    for name in map(original_id, ids):
         if name in catalog and catalog[name][1].split in MEASURED_SPLITS:
             yield f"{name!r} is of {catalog[name][1].split!r}"
 
