@@ -242,10 +242,22 @@ def test_bad_input(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_an_episode_gives_a_policy_the_points_that_it_declares() -> None:
-    class Seeing(StillActor):
-        obs_mode, sampling = "pointcloud", Sampling(num_points=96)
+class Seeing(StillActor):
+    obs_mode, sampling = "pointcloud", Sampling(num_points=96)
 
+
+def test_an_episode_gives_a_policy_the_points_that_it_declares() -> None:
     env = EpisodeChoice("OpenCabinetDrawer", "cabinet-0005").make_env(Seeing())
     observation, _ = env.reset(options={"level": 0})
     assert observation["pointcloud"]["xyz"].shape == (96, 3)
+
+
+def test_these_points_are_shown_before_the_first_step_too(tmp_path: Path) -> None:
+    style = PictureStyle(view="points")
+    many, few = (
+        shown(save_episode_picture(tmp_path / "a.png", episode(policy=policy), style))
+        for policy in ("still", Seeing())
+    )
+    dark, half = 40, many.shape[1] // 2
+    drawn = [(picture[:300, half + GAP_PX :] > dark).any(axis=-1).sum() for picture in (many, few)]
+    assert 0 < drawn[1] < drawn[0]

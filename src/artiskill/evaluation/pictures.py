@@ -119,7 +119,8 @@ def save_episode_picture(path: Path | str, episode: EpisodeChoice, style: Pictur
     if moving and step:
         raise ConfigError("a step is only for still pictures; a video shows the whole episode")
     level = check_level(episode.level)
-    actor = load_policy(policy_of_task(episode.policy, episode.task), episode.task) if moving or step else None
+    plays = moving or step > 0 or style.view == "points"  # which shows what the policy is given
+    actor = load_policy(policy_of_task(episode.policy, episode.task), episode.task) if plays else None
     style = replace(style, sampling=getattr(actor, "sampling", None)) if style.sampling is None else style
     env = episode.make_env(actor)
     if not moving or actor is None:
