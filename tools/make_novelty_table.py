@@ -24,9 +24,7 @@ from artiskill.tasks.registry import task_spec
 from learning_tables.cells import TASKS
 from learning_tables.markdown import sum_of, write_between
 from learning_tables.results import Measured, read_rows, write_rows
-from make_rolled_cabinets import rolled_cabinets
-from make_scaled_objects import scaled_objects
-from make_track_tables import CHAIR, DOOR, NO_RESTRICTIONS, PAGE, ROLLED, SCALED, SCALES, SPLITS, TRACKS, read_csv
+from make_track_tables import MADE, NO_RESTRICTIONS, PAGE, SPLITS, TRACKS, read_csv
 from make_track_tables import TABLE as RATES
 
 TABLE = Path("data", "novelty.csv")  # beside the page
@@ -90,10 +88,8 @@ def measure(task: str) -> Iterator[Novelty]:
     category = task_spec(task).category
     train = _described(["train"], task)
     generated = _described([f"generated:{category}:{ROLLOUT_SEEDS[category]}"], task)
-    if task == DOOR:
-        generated += map(describe, rolled_cabinets(ROLLED["train"]))
-    if task == CHAIR:
-        generated += map(describe, scaled_objects(SCALED["train"], task, SCALES))
+    if task in MADE:
+        generated += map(describe, MADE[task].objects("train"))
     for split in SPLITS:
         for one in _described([split], task):
             yield Novelty(task, split, one.id, *_nearest(one, train), *_nearest(one, generated))

@@ -10,12 +10,13 @@ Policies whose rows are in the CSV file of the page are finished: without them t
 import argparse
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.config import check
 from artiskill.errors import ArtiSkillError, ConfigError
 from artiskill.gallery.facts import markdown
@@ -39,10 +40,8 @@ from learning_tables.results import (
 )
 from make_learning_tables import DEFAULTS, kept_settings
 from make_learning_tables import TABLE as BASELINES
-from make_rolled_cabinets import LIST as ROLLED_LIST
-from make_rolled_cabinets import make_folders as make_rolled
-from make_scaled_objects import LIST as SCALED_LIST
-from make_scaled_objects import make_folders as make_scaled
+from make_rolled_cabinets import rolled_cabinets, write_folders
+from make_scaled_objects import scaled_objects
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "generalization.md"
 TABLE = Path("data", "tracks.csv")  # beside the page
@@ -56,16 +55,7 @@ TRACKS = {  # options of training; by DAgger, but for the last one
     NO_INTERACTIONS: ("--dev-objects", "none"),
 }
 CSV_HEAD = ["track", "task", "seed", "split", "object", "episodes", "successes"]
-DOOR = "OpenCabinetDoor"  # whose policies without restrictions train on cabinets on their side, too
-ROLLED = {"train": "0..299", "development": DEVELOPMENT_SEEDS["cabinet"]}  # seeds of these
-CHAIR = "PushChair"  # the same, on larger chairs
-SCALED = {"train": ("train", "generated:chair:200..299"), "development": ("generated:chair:1000006..1000011",)}
-SCALES = (1.05, 1.35)  # times their size
-# objects as they come that stand beside these
-STANDING = {
-    DOOR: {"train": ROLLOUT_SEEDS["cabinet"], "development": DEVELOPMENT_SEEDS["cabinet"]},
-    CHAIR: {"train": ROLLOUT_SEEDS["chair"], "development": "1000000..1000005"},
-}
+DOOR, CHAIR = "OpenCabinetDoor", "PushChair"
 POINTS, FRAME = "128", "robot"
 
 
@@ -83,6 +73,41 @@ IMITATION = {
     "OpenCabinetDrawer": Imitation(),
     "PushChair": Imitation("bc", method="maniskill", options=("--steps", "2000")),
     "MoveBucket": Imitation(),
+}
+
+
+class MadeObjects(NamedTuple):
+    """Objects that policies of *no-restrictions* meet beside those of `train` and usual generated ones.
+
+    Both are of two kinds: "train", which they train on, and "development", which choose the checkpoint.
+    """
+
+    objects: Callable[[str], Iterator[ArticulatedObject]]  # those of a kind
+    words: str  # what they are
+    generated: dict[str, str]  # seeds of the usual ones, by kind
+    options: tuple[str, ...] = ()  # of training
+
+    def lists(self, task: str, work: Path) -> dict[str, Path]:
+        """Return the files that name them once they are made, by kind."""
+        return {kind: work / "objects" / task / kind / "objects.yaml" for kind in self.generated}
+
+
+ROLLED = {"train": "0..299", "development": DEVELOPMENT_SEEDS["cabinet"]}  # seeds
+SCALED = {"train": ("train", "generated:chair:200..299"), "development": ("generated:chair:1000006..1000011",)}
+LARGER = (1.05, 1.35)  # times their size
+MADE = {
+    DOOR: MadeObjects(
+        lambda kind: rolled_cabinets(ROLLED[kind]),
+        "generated cabinets on their side",
+        {"train": ROLLOUT_SEEDS["cabinet"], "development": DEVELOPMENT_SEEDS["cabinet"]},
+    ),
+    CHAIR: MadeObjects(
+        lambda kind: scaled_objects(SCALED[kind], CHAIR, LARGER),
+        "larger chairs",
+        {"train": ROLLOUT_SEEDS["chair"], "development": "1000000..1000005"},
+        # the other half of the episodes: on those of `train`, and on larger ones
+        ("--set", "algorithm.generated_share=0.5"),
+    ),
 }
 
 
@@ -150,7 +175,7 @@ def run_all(policies: Sequence[Policy], options: argparse.Namespace) -> bool:
         for task in sorted({one.task for one in policies if one.track == NO_INTERACTIONS}):
             if not all(commands.call(one, os.environ) for one in data_commands(task, options.work, options.jobs)):
                 return True
-        for task in sorted({one.task for one in policies if one.track == NO_RESTRICTIONS}):
+        for task in sorted({one.task for one in policies if one.track == NO_RESTRICTIONS} & set(MADE)):
             make_objects(task, options.work)
     return not in_pool(lambda one: run(one, options.work, options.stages), policies, options.jobs)
 
@@ -192,36 +217,22 @@ def data_commands(task: str, work: Path, workers: int) -> list[list[str]]:
     ]
 
 
-def made_lists(task: str, work: Path) -> dict[str, Path]:
-    """Return the lists of objects that are made for a task to train on and to choose a checkpoint by, if any."""
-    kinds = {DOOR: ("rolled", ROLLED_LIST), CHAIR: ("scaled", SCALED_LIST)}
-    if task not in kinds:
-        return {}
-    folder, file = kinds[task]
-    return {name: work / folder / name / file for name in ("train", "development")}
-
-
 def make_objects(task: str, work: Path) -> None:
-    """Make the objects of `made_lists` that are missing."""
-    for name, path in made_lists(task, work).items():
-        if path.is_file():  # it is written last
-            continue
-        if task == DOOR:
-            make_rolled(ROLLED[name], path.parent)
-        else:
-            make_scaled(SCALED[name], task, SCALES, path.parent)
+    """Make the objects of `MADE` that are missing."""
+    made = MADE[task]
+    for kind, path in made.lists(task, work).items():
+        if not path.is_file():  # it is written last
+            write_folders(made.objects(kind), path, made.words)
 
 
 def objects_options(task: str, work: Path) -> list[str]:
-    """Return the options of training that name all objects where some are made for it; else none."""
-    lists = made_lists(task, work)
-    if not lists:
-        return []
-    category = task_spec(task).category
-    generated = {name: f"generated:{category}:{seeds}" for name, seeds in STANDING[task].items()}
-    taught = ["--objects", "train", generated["train"], str(lists["train"])]
-    share = ["--set", "algorithm.generated_share=0.5"] if task == CHAIR else []  # as without larger ones
-    return [*taught, "--dev-objects", generated["development"], str(lists["development"]), *share]
+    """Return the options of training that name all objects, those of `MADE` included."""
+    made, category = MADE[task], task_spec(task).category
+    named = {
+        kind: [f"generated:{category}:{made.generated[kind]}", str(path)]
+        for kind, path in made.lists(task, work).items()
+    }
+    return ["--objects", "train", *named["train"], "--dev-objects", *named["development"], *made.options]
 
 
 def train_command(policy: Policy, work: Path) -> list[str]:
@@ -232,7 +243,7 @@ def train_command(policy: Policy, work: Path) -> list[str]:
     command = ["train", name, "--task", policy.task, "--out", out, *TRACKS[policy.track]]
     if learns_alone:
         command += ["--data", str(work / "sets" / policy.task), *IMITATION[policy.task].options]
-    if policy.track == NO_RESTRICTIONS:
+    if policy.track == NO_RESTRICTIONS and policy.task in MADE:
         command += objects_options(policy.task, work)
     return [*command, "--seed", str(policy.seed), "--threads", "1", "--workers", "1"]
 

@@ -9,7 +9,7 @@ import pytest
 from artiskill.assets.articulated_object import ArticulatedObject
 from artiskill.assets.catalog import load_object
 from artiskill.assets.kinematics import drawn_points, joint_values
-from artiskill.assets.scaling import scaled
+from artiskill.assets.scaling import original_id, scaled
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import AssetError
 from artiskill.geometry.meshes import depth_inside
@@ -78,6 +78,13 @@ def test_factors_multiply() -> None:
     assert again.id == "scaled-scaled-generated-chair-3000000-200-50"
     assert (again.metadata["scale"], again.metadata["scaled_from"]) == (1.0, small.id)
     assert again.bounds.tolist() == small.bounds.tolist()
+
+
+@pytest.mark.parametrize("factor", [0.01, 0.995, 1.2, 100.0])
+def test_an_id_says_what_was_scaled(factor: float) -> None:
+    small = load_object("generated:chair:3000000")
+    assert original_id(scaled(scaled(small, 1.05), factor).id) == small.id == original_id(small.id)
+    assert original_id("scaled-") == "scaled-"
 
 
 def test_what_an_importer_says_of_an_object(drawer_box: ArticulatedObject) -> None:

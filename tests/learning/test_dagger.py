@@ -25,7 +25,7 @@ from artiskill.experts.whole_body import Command, Grip, WholeBodyConfig
 from artiskill.exports.export import export_object
 from artiskill.learning.array_policy import ArrayPolicy
 from artiskill.learning.batch import Batch, Sizes, Statistics
-from artiskill.learning.commands import CommandActor, CommandSpace
+from artiskill.learning.commands import CommandActor, CommandSpace, commanding_expert
 from artiskill.learning.dagger import DAgger
 from artiskill.learning.features import Scale, make_features
 from artiskill.learning.network_config import load_network_config
@@ -38,6 +38,7 @@ from artiskill.learning.train import RolloutData, train
 from artiskill.learning.train_config import algorithm_config, load_train_config
 from artiskill.robots.config import load_robot
 from artiskill.robots.kinematics import RobotKinematics
+from artiskill.tasks.registry import make_task
 
 TASK = "OpenCabinetDrawer"
 AGENT = {1: 38, 2: 68}
@@ -647,5 +648,6 @@ def test_each_task_has_the_values_of_the_policies_that_come_with_the_package(
     values = config.algorithm
     assert values["rounds"] * values["collectors"] * values["envs"] * values["rollout_steps"] == samples
     assert values["generated_share"] == share
+    assert commanding_expert(make_task(task), values["expert"]).phases, "it takes its values"
     named = load_train_config("dagger", task, overrides={"algorithm.objects": ["train"]})
     assert named == dataclasses.replace(config, algorithm=values | {"objects": ["train"], "generated_share": None})

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 import make_novelty_table as script
+import make_track_tables
 from make_novelty_table import BEGIN, END, Novelty, measure
 from make_track_tables import CSV_HEAD, TABLE
 
@@ -35,6 +36,21 @@ def test_success_by_distance(page: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(script, "measure", lambda task: pytest.fail("it is in the file"))
     assert script.main(["--page", str(page)]) == 0
     assert page.read_text() == text
+
+
+def test_larger_chairs_are_among_what_chairs_are_learned_from(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(script, "ROLLOUT_SEEDS", {"chair": "0..0"})
+    monkeypatch.setattr(make_track_tables, "SCALED", {"train": ("chair-0004",)})
+    monkeypatch.setattr(make_track_tables, "LARGER", (1.05, 1.05))
+    listed = {"train": ["chair-0006"], "test": ["chair-0004"], "ood": ["chair-0038"]}
+    usual = script.resolve_objects
+    monkeypatch.setattr(
+        script,
+        "resolve_objects",
+        lambda given, task: usual(listed[given[0]], task=task) if given[0] in listed else usual(given, task=task),
+    )
+    found, _ = measure("PushChair")
+    assert (found.train, found.generated) == ("chair-0006", "scaled-chair-0004-105")
 
 
 def test_the_nearest_of_what_the_task_trains_on(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -57,7 +57,7 @@ def scaled(obj: ArticulatedObject, factor: float) -> ArticulatedObject:
 
 
 def original_id(name: str) -> str:
-    """Return the id of what an id is of, whatever its size: chair-0001 for scaled-chair-0001-120."""
+    """Return the id of what was scaled, by that of the result: chair-0001 of scaled-chair-0001-120."""
     found = _ID.fullmatch(name)
     return original_id(found[1]) if found else name
 

@@ -233,13 +233,8 @@ def check_development(config: TrainConfig) -> list[str | ArticulatedObject]:
 
 def check_not_measured(objects: Iterable[str | ArticulatedObject]) -> None:
     """Raise `ConfigError` if an object is of a split that is measured, or such a one of another size."""
-    found = next(measured_among(map(_made_from, objects)), "")
+    found = next(measured_among(map(object_id_of, objects)), "")
     check(not found, _refusal(found))
-
-
-def _made_from(item: str | ArticulatedObject) -> str:
-    """Return the id of an object, or of what it is scaled from."""
-    return item if isinstance(item, str) else str(item.metadata.get("scaled_from", item.id))
 
 
 def measured_among(ids: Iterable[str]) -> Iterator[str]:
