@@ -48,14 +48,16 @@ TABLE = Path("data", "tracks.csv")  # beside the page
 BEGIN, END = "<!-- made by tools/make_track_tables.py -->", "<!-- end of the tracks -->"
 SPLITS = ("test", "ood")
 TRAIN, EVALUATE = STAGES = ("train", "evaluate")
-NO_RESTRICTIONS, NO_INTERACTIONS = "no-restrictions", "no-interactions"
+NO_RESTRICTIONS, INTERACTIVE, NO_INTERACTIONS = "no-restrictions", "interactive-expert", "no-interactions"
 TRACKS = {  # options of training; by DAgger, but for the last one
     NO_RESTRICTIONS: (),
-    "interactive-expert": ("--objects", "train"),
+    INTERACTIVE: ("--objects", "train"),
     NO_INTERACTIONS: ("--dev-objects", "none"),
 }
 CSV_HEAD = ["track", "task", "seed", "split", "object", "episodes", "successes"]
 DOOR, CHAIR = "OpenCabinetDoor", "PushChair"
+# options of training of one track and task
+OTHERWISE = {(INTERACTIVE, "OpenCabinetDrawer"): ("--set", "network.input.velocities=true")}
 POINTS, FRAME = "128", "robot"
 
 
@@ -243,6 +245,7 @@ def train_command(policy: Policy, work: Path) -> list[str]:
     command = ["train", name, "--task", policy.task, "--out", out, *TRACKS[policy.track]]
     if learns_alone:
         command += ["--data", str(work / "sets" / policy.task), *IMITATION[policy.task].options]
+    command += OTHERWISE.get((policy.track, policy.task), ())
     if policy.track == NO_RESTRICTIONS and policy.task in MADE:
         command += objects_options(policy.task, work)
     return [*command, "--seed", str(policy.seed), "--threads", "1", "--workers", "1"]

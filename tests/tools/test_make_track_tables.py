@@ -160,6 +160,9 @@ def test_commands_of_the_tracks() -> None:
         "train dagger --task PushChair --out w/interactive-expert/PushChair/seed-2/run --objects train "
         "--seed 2 --threads 1 --workers 1"
     )
+    drawer = " ".join(train_command(Policy("interactive-expert", "OpenCabinetDrawer", 0), work))
+    assert "--objects train --set network.input.velocities=true --seed 0 " in drawer
+    assert "velocities" not in " ".join(train_command(Policy("no-restrictions", "OpenCabinetDrawer", 0), work))
     door = " ".join(train_command(Policy("no-restrictions", "OpenCabinetDoor", 0), work))
     assert (
         "--objects train generated:cabinet:0..599 w/objects/OpenCabinetDoor/train/objects.yaml "
