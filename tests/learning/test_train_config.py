@@ -1,4 +1,5 @@
 # ruff: noqa: E402
+import dataclasses
 import subprocess
 import sys
 from pathlib import Path
@@ -112,6 +113,8 @@ def test_nor_do_such_objects_of_another_size() -> None:
     twice = scaled(scaled(load_object("cabinet-0005"), 1.1), 1.1)
     with pytest.raises(ConfigError, match="'cabinet-0005' is of 'test'"):
         check_not_measured([twice])
+    with pytest.raises(ConfigError, match="'cabinet-0005' is of 'test'"):
+        check_not_measured([dataclasses.replace(twice, id="own")])
     check_not_measured([scaled(load_object("cabinet-0002"), 1.1)])
     assert list(measured_among([twice.id, "scaled-cabinet-0002-110"])) == ["'cabinet-0005' is of 'test'"]
 

@@ -56,8 +56,9 @@ def scaled(obj: ArticulatedObject, factor: float) -> ArticulatedObject:
     )
 
 
-def original_id(name: str) -> str:
-    """Return the id of what was scaled, by that of the result: chair-0001 of scaled-chair-0001-120."""
+def original_id(item: str | ArticulatedObject) -> str:
+    """Return the id of what was scaled: by what the object says of itself, or by its id, as `scaled` makes it."""
+    name = item if isinstance(item, str) else str(item.metadata.get("scaled_from", item.id))
     found = _ID.fullmatch(name)
     return original_id(found[1]) if found else name
 

@@ -233,14 +233,14 @@ def check_development(config: TrainConfig) -> list[str | ArticulatedObject]:
 
 def check_not_measured(objects: Iterable[str | ArticulatedObject]) -> None:
     """Raise `ConfigError` if an object is of a split that is measured, or such a one of another size."""
-    found = next(measured_among(map(object_id_of, objects)), "")
+    found = next(measured_among(objects), "")
     check(not found, _refusal(found))
 
 
-def measured_among(ids: Iterable[str]) -> Iterator[str]:
+def measured_among(objects: Iterable[str | ArticulatedObject]) -> Iterator[str]:
     """Yield a few words about each object that is of a split that is measured, of whatever size."""
     catalog = read_catalog()
-    for name in map(original_id, ids):
+    for name in map(original_id, objects):
         if name in catalog and catalog[name][1].split in MEASURED_SPLITS:
             yield f"{name!r} is of {catalog[name][1].split!r}"
 
