@@ -3,7 +3,7 @@
 Each policy is a track, a task and a seed: trained, exported, then measured on the standard protocols of `test` and
 `ood`: its file acts with the same bits everywhere.
 Everything is a command of `artiskill`, printed as it starts. Whatever ends this script, the same command goes on.
-Policies whose rows are in the CSV file of the page are finished: without them they are made anew.
+Policies whose rows are in the CSV file of the page are finished; `--again` makes those that are named anew.
 `--stages train` leaves the test objects alone until all policies are there; nothing is chosen by them.
 """
 
@@ -46,6 +46,7 @@ from make_scaled_objects import scaled_objects
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "generalization.md"
 TABLE = Path("data", "tracks.csv")  # beside the page
 BEGIN, END = "<!-- made by tools/make_track_tables.py -->", "<!-- end of the tracks -->"
+BEGIN_SEEDS, END_SEEDS = "<!-- by seed, made by tools/make_track_tables.py -->", "<!-- end of the seeds -->"
 SPLITS = ("test", "ood")
 TRAIN, EVALUATE = STAGES = ("train", "evaluate")
 NO_RESTRICTIONS, INTERACTIVE, NO_INTERACTIONS = "no-restrictions", "interactive-expert", "no-interactions"
@@ -140,9 +141,10 @@ def main(arguments: list[str]) -> int:
     try:
         if options.jobs < 1:
             raise ConfigError(f"--jobs must be at least 1, not {options.jobs}")
+        again = frozenset(policies if options.again else ())
         known = read_all(options.work, options.page)
-        failed = run_all([one for one in policies if one not in known], options)
-        write_table(options.work, options.page)
+        failed = run_all([one for one in policies if one in again or one not in known], options)
+        write_table(options.work, options.page, again)
     except ArtiSkillError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
@@ -159,6 +161,7 @@ def make_parser() -> argparse.ArgumentParser:
     add("--tasks", nargs="+", choices=TASKS, default=TASKS, metavar="TASK", help="(default: all four)")
     add("--seeds", nargs="+", type=int, default=[0, 1, 2, 3, 4], help="(default: 0 1 2 3 4)")
     add("--stages", nargs="+", choices=STAGES, default=STAGES, help="(default: both)")
+    add("--again", action="store_true", help="also those that have rows, which stay until there are new ones")
     add("--jobs", type=int, default=available_cores(), help="policies at once, a core each (default: all cores)")
     return parser
 
@@ -271,11 +274,11 @@ def read_csv(path: Path) -> dict[Policy, dict[str, Measured]]:
     return found
 
 
-def read_all(work: Path, page: Path) -> dict[Policy, dict[str, Measured]]:
+def read_all(work: Path, page: Path, again: frozenset[Policy] = frozenset()) -> dict[Policy, dict[str, Measured]]:
     """Return what finished policies reached, by split: those of the CSV file, then those of the work folder.
 
-    A policy that lacks a split in the file is left out, to be measured again; so is one of the folder that another
-    command has trained.
+    Of those in `again`, what the folder says counts. A policy that lacks a split in the file is left out, to be
+    measured again; so is one of the folder that another command has trained.
     """
     known = read_csv(page.parent / TABLE)
     found = {policy: splits for policy, splits in known.items() if set(splits) >= set(SPLITS)}
@@ -286,7 +289,8 @@ def read_all(work: Path, page: Path) -> dict[Policy, dict[str, Measured]]:
                 reports = policy.reports(work)
                 files = [path / "report.json" for path in reports.values()]
                 train = train_command(policy, work)
-                if policy not in found and commands.is_finished(policy.folder(work), train, files):
+                is_wanted = policy in again or policy not in found
+                if is_wanted and commands.is_finished(policy.folder(work), train, files):
                     found[policy] = {split: read_measured(path) for split, path in reports.items()}
     return dict(sorted(found.items(), key=_order))
 
@@ -307,6 +311,20 @@ def table_text(found: dict[Policy, dict[str, Measured]], page: Path) -> str:
                 cells.append(_cell(seeds))
             rows.append([track, split, *cells])
     return markdown(["track, or baseline", "objects", *TASKS], [*rows, *_baseline_rows(page)])
+
+
+def seeds_text(found: dict[Policy, dict[str, Measured]]) -> str:
+    """Return the table of solved episodes by training seed: a row per track and split, a column per task."""
+    rows = []
+    for track in TRACKS:
+        for split in SPLITS:
+            cells = []
+            for task in TASKS:
+                seeds = [one[split] for policy, one in found.items() if policy[:2] == (track, task)]
+                of = f" of {seeds[0].episodes.total()}" if seeds else MISSING
+                cells.append(", ".join(str(one.successes.total()) for one in seeds) + of)
+            rows.append([track, split, *cells])
+    return markdown(["solved, by training seed", "objects", *TASKS], rows)
 
 
 def _baseline_rows(page: Path) -> Iterator[list[str]]:
@@ -334,14 +352,17 @@ def _cell(seeds: Sequence[Measured]) -> str:
     return f"{np.mean(rates):.1%}{spread}{bounds}, {len(rates)} seed{'s' * (len(rates) > 1)}"
 
 
-def write_table(work: Path, page: Path) -> None:
+def write_table(work: Path, page: Path, again: frozenset[Policy] = frozenset()) -> None:
     """Write the CSV file and what stands between the marks of the page, of all that is finished.
+
+    `again` is as of `read_all`.
 
     Raises:
         ConfigError: the page cannot be read, or lacks the marks.
     """
-    found = read_all(work, page)
+    found = read_all(work, page, again)
     write_between(page, BEGIN, END, table_text(found, page))
+    write_between(page, BEGIN_SEEDS, END_SEEDS, seeds_text(found))
     write_rows(page.parent / TABLE, [CSV_HEAD, *rows_of_counts(found)])
 
 

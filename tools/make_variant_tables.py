@@ -20,8 +20,9 @@ from artiskill.jobs.parallel import available_cores
 from learning_tables.commands import finish, in_pool, is_finished
 from learning_tables.markdown import range_text, sum_of, write_between
 from learning_tables.results import Measured, add_counts, read_measured, read_rows, rows_of_counts, write_rows
-from make_track_tables import PAGE, SPLITS
+from make_track_tables import SPLITS
 
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "recipes.md"
 TABLE = Path("data", "variants.csv")  # beside the page
 BEGIN, END = "<!-- made by tools/make_variant_tables.py -->", "<!-- end of the variants -->"
 TASK, NEW = "OpenCabinetDrawer", "generated"
@@ -89,7 +90,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
     add("--work", type=Path, default=Path("results/variants"), help="folder (default: %(default)s)")
-    add("--page", type=Path, default=PAGE, help="with the two marks (default: docs/generalization.md)")
+    add("--page", type=Path, default=PAGE, help="with the marks (default: docs/recipes.md)")
     keys = {"choices": list(ABLATIONS), "default": list(ABLATIONS), "metavar": "KEY"}
     add("--ablations", nargs="*", **keys, help=f"{', '.join(ABLATIONS)} (default: all)")
     add("--counts", nargs="*", type=int, choices=COUNTS, default=COUNTS, help="(default: all)")

@@ -1,6 +1,7 @@
 """Queue and table of generalising policies, with commands that write what real ones would."""
 
 import json
+import re
 import shutil
 from collections import Counter
 from pathlib import Path
@@ -14,9 +15,18 @@ from artiskill.errors import ConfigError
 from learning_tables.cells import Cell, Method
 from learning_tables.results import CSV_HEAD, Measured, Result, csv_rows, write_rows
 from make_learning_tables import make_parser, make_settings
-from make_track_tables import BEGIN, END, Policy, data_commands, evaluate_command, train_command
+from make_track_tables import (
+    BEGIN,
+    BEGIN_SEEDS,
+    END,
+    END_SEEDS,
+    Policy,
+    data_commands,
+    evaluate_command,
+    train_command,
+)
 
-WORDS = f"before\n{BEGIN}\nold\n{END}\nafter\n"
+WORDS = f"before\n{BEGIN}\nold\n{END}\nbetween\n{BEGIN_SEEDS}\n{END_SEEDS}\nafter\n"
 
 
 @pytest.fixture
@@ -69,6 +79,8 @@ def test_seeds_are_averaged_and_nothing_is_done_twice(tmp_path: Path, commands: 
     doors, drawers = (cell.strip() for cell in test_row.split("|")[3:5])
     assert drawers == "60.0% ± 28.3%, 2 seeds"  # of 40 and 80 %
     assert doors == "20.0% ± 0.0%, 2 seeds"
+    by_seed = "\n".join(rows).split(BEGIN_SEEDS)[1]
+    assert "| no-restrictions | ood | 20, 20 of 100 | 40, 80 of 100 | missing | missing |" in by_seed
     table = (tmp_path / "data" / "tracks.csv").read_text().splitlines()
     assert len(table) == 1 + 2 * 2 * 2 * 2
     assert "no-restrictions,OpenCabinetDrawer,1,test,two,50,40" in table
@@ -124,6 +136,24 @@ def test_reports_of_another_command_are_no_results(tmp_path: Path, commands: lis
     (folder / "trained").write_text("train dagger by another recipe")
     assert run(tmp_path, *options) == 0
     assert commands == before
+
+
+def test_again_makes_rows_anew(tmp_path: Path, commands: list[list[str]], monkeypatch: pytest.MonkeyPatch) -> None:
+    options = ("--tasks", "MoveBucket", "--seeds", "0", "1")
+    assert run(tmp_path, *options) == 0
+    path = tmp_path / "data" / "tracks.csv"
+    rows = path.read_text().replace(",50,10", ",50,7")
+    path.write_text(rows)
+    shutil.rmtree(tmp_path / "work")
+    commands.clear()
+    options = ("--tasks", "MoveBucket", "--seeds", "1", "--again")
+    with monkeypatch.context() as failing:
+        failing.setattr("learning_tables.commands.call", lambda command, environment: False)
+        assert run(tmp_path, *options) == 1
+    assert path.read_text() == rows  # as long as there are no new ones
+    assert run(tmp_path, *options) == 0
+    assert [command[0] for command in commands] == ["train", "export-policy", "evaluate", "evaluate"]
+    assert path.read_text() == re.sub(r"(MoveBucket,1,.*,50),7", r"\1,10", rows)
 
 
 def test_training_leaves_test_objects_alone(tmp_path: Path, commands: list[list[str]]) -> None:
