@@ -37,6 +37,8 @@ napoleon_preprocess_types = False
 html_theme = "furo"
 html_title = "ArtiSkill"
 html_copy_source = False
+html_static_path = ["_static"]
+html_css_files = ["tables.css"]
 html_theme_options = {"source_repository": "", "footer_icons": []}
 
 # docstrings write code and tables as Markdown does, since people read them in a terminal
