@@ -3,7 +3,7 @@
 Each policy is a track, a task and a seed: trained, exported, then measured on the standard protocols of `test` and
 `ood`: its file acts with the same bits everywhere.
 Everything is a command of `artiskill`, printed as it starts. Whatever ends this script, the same command goes on.
-Policies whose rows are in the CSV file of the page are finished; `--again` makes those that are named anew.
+Policies whose rows are in the CSV file of the page are finished; with `--again`, the named ones are made again.
 `--stages train` leaves the test objects alone until all policies are there; nothing is chosen by them.
 """
 
@@ -27,7 +27,7 @@ from artiskill.tasks.registry import task_spec
 from learning_tables import commands
 from learning_tables.cells import METHODS, TASKS, B, Settings
 from learning_tables.commands import finish, in_pool
-from learning_tables.markdown import MISSING, PAPER, chosen, names, range_text, sum_of, write_between
+from learning_tables.markdown import MISSING, PAPER, chosen, names, range_text, read_marked, sum_of, write_between
 from learning_tables.results import (
     PAPER_B,
     Measured,
@@ -141,7 +141,11 @@ def main(arguments: list[str]) -> int:
     try:
         if options.jobs < 1:
             raise ConfigError(f"--jobs must be at least 1, not {options.jobs}")
+        read_marked(options.page, BEGIN, END, BEGIN_SEEDS, END_SEEDS)  # it will be written after hours
         again = frozenset(policies if options.again else ())
+        for policy in again:
+            if is_finished(policy, options.work):
+                print(f"taken as it is (remove it to train anew): {policy.folder(options.work)}", flush=True)
         known = read_all(options.work, options.page)
         failed = run_all([one for one in policies if one in again or one not in known], options)
         write_table(options.work, options.page, again)
@@ -156,12 +160,12 @@ def make_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
     add("--work", type=Path, default=Path("results/tracks"), help="folder (default: %(default)s)")
-    add("--page", type=Path, default=PAGE, help="with the two marks (default: docs/generalization.md)")
+    add("--page", type=Path, default=PAGE, help="with the marks (default: docs/generalization.md)")
     add("--tracks", nargs="+", choices=TRACKS, default=list(TRACKS), metavar="TRACK", help="(default: all)")
     add("--tasks", nargs="+", choices=TASKS, default=TASKS, metavar="TASK", help="(default: all four)")
     add("--seeds", nargs="+", type=int, default=[0, 1, 2, 3, 4], help="(default: 0 1 2 3 4)")
     add("--stages", nargs="+", choices=STAGES, default=STAGES, help="(default: both)")
-    add("--again", action="store_true", help="also those that have rows, which stay until there are new ones")
+    add("--again", action="store_true", help="also those that have rows, which stay until new ones are there")
     add("--jobs", type=int, default=available_cores(), help="policies at once, a core each (default: all cores)")
     return parser
 
@@ -277,8 +281,8 @@ def read_csv(path: Path) -> dict[Policy, dict[str, Measured]]:
 def read_all(work: Path, page: Path, again: frozenset[Policy] = frozenset()) -> dict[Policy, dict[str, Measured]]:
     """Return what finished policies reached, by split: those of the CSV file, then those of the work folder.
 
-    Of those in `again`, what the folder says counts. A policy that lacks a split in the file is left out, to be
-    measured again; so is one of the folder that another command has trained.
+    Of those in `again`, the folder's reports win over the file's rows. A policy that lacks a split in the file is
+    left out, to be measured again; so is one of the folder that another command has trained.
     """
     known = read_csv(page.parent / TABLE)
     found = {policy: splits for policy, splits in known.items() if set(splits) >= set(SPLITS)}
@@ -286,13 +290,15 @@ def read_all(work: Path, page: Path, again: frozenset[Policy] = frozenset()) -> 
         for task in TASKS:
             names = (path.name.removeprefix("seed-") for path in (work / track / task).glob("seed-*"))
             for policy in (Policy(track, task, int(name)) for name in names if name.isdecimal()):
-                reports = policy.reports(work)
-                files = [path / "report.json" for path in reports.values()]
-                train = train_command(policy, work)
-                is_wanted = policy in again or policy not in found
-                if is_wanted and commands.is_finished(policy.folder(work), train, files):
-                    found[policy] = {split: read_measured(path) for split, path in reports.items()}
+                if (policy in again or policy not in found) and is_finished(policy, work):
+                    found[policy] = {split: read_measured(path) for split, path in policy.reports(work).items()}
     return dict(sorted(found.items(), key=_order))
+
+
+def is_finished(policy: Policy, work: Path) -> bool:
+    """Return whether the work folder has a policy's reports, and today's command has trained it."""
+    files = [path / "report.json" for path in policy.reports(work).values()]
+    return commands.is_finished(policy.folder(work), train_command(policy, work), files)
 
 
 def _order(item: tuple[Policy, object]) -> tuple[int, int, int]:
@@ -320,11 +326,22 @@ def seeds_text(found: dict[Policy, dict[str, Measured]]) -> str:
         for split in SPLITS:
             cells = []
             for task in TASKS:
-                seeds = [one[split] for policy, one in found.items() if policy[:2] == (track, task)]
-                of = f" of {seeds[0].episodes.total()}" if seeds else MISSING
-                cells.append(", ".join(str(one.successes.total()) for one in seeds) + of)
+                seeds = {p.seed: one[split] for p, one in found.items() if p[:2] == (track, task)}
+                cells.append(_solved_cell(seeds) if seeds else MISSING)
             rows.append([track, split, *cells])
     return markdown(["solved, by training seed", "objects", *TASKS], rows)
+
+
+def _solved_cell(seeds: dict[int, Measured]) -> str:
+    """Return the numbers of solved episodes; seeds are named unless they are 0, 1, 2 and so on."""
+    episodes = {one.episodes.total() for one in seeds.values()}
+    numbers = [one.successes.total() for one in seeds.values()]
+    if len(episodes) > 1:
+        text = ", ".join(f"{one.successes.total()} of {one.episodes.total()}" for one in seeds.values())
+    else:
+        text = f"{', '.join(map(str, numbers))} of {episodes.pop()}"
+    in_order = list(seeds) == list(range(len(seeds)))
+    return text if in_order else f"{text} (seeds {', '.join(map(str, seeds))})"
 
 
 def _baseline_rows(page: Path) -> Iterator[list[str]]:
@@ -361,9 +378,9 @@ def write_table(work: Path, page: Path, again: frozenset[Policy] = frozenset()) 
         ConfigError: the page cannot be read, or lacks the marks.
     """
     found = read_all(work, page, again)
+    write_rows(page.parent / TABLE, [CSV_HEAD, *rows_of_counts(found)])
     write_between(page, BEGIN, END, table_text(found, page))
     write_between(page, BEGIN_SEEDS, END_SEEDS, seeds_text(found))
-    write_rows(page.parent / TABLE, [CSV_HEAD, *rows_of_counts(found)])
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from artiskill.errors import ArtiSkillError
 from artiskill.gallery.facts import markdown
 from artiskill.jobs.parallel import available_cores
 from learning_tables.commands import finish, in_pool, is_finished
-from learning_tables.markdown import range_text, sum_of, write_between
+from learning_tables.markdown import range_text, read_marked, sum_of, write_between
 from learning_tables.results import Measured, add_counts, read_measured, read_rows, rows_of_counts, write_rows
 from make_track_tables import SPLITS
 
@@ -75,6 +75,7 @@ def main(arguments: list[str]) -> int:
     options = make_parser().parse_args(arguments)
     wanted = list(wanted_of(options))
     try:
+        read_marked(options.page, BEGIN, END)  # it will be written after hours
         known = read_all(wanted, options.work, options.page)
         missing = [one for one in wanted if one not in known]
         succeeded = in_pool(lambda one: run(one, options.work), missing, options.jobs)

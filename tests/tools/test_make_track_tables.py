@@ -7,6 +7,7 @@ from collections import Counter
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import make_track_tables as script
@@ -20,9 +21,14 @@ from make_track_tables import (
     BEGIN_SEEDS,
     END,
     END_SEEDS,
+    PAGE,
+    TABLE,
     Policy,
     data_commands,
     evaluate_command,
+    read_csv,
+    seeds_text,
+    table_text,
     train_command,
 )
 
@@ -154,6 +160,33 @@ def test_again_makes_rows_anew(tmp_path: Path, commands: list[list[str]], monkey
     assert run(tmp_path, *options) == 0
     assert [command[0] for command in commands] == ["train", "export-policy", "evaluate", "evaluate"]
     assert path.read_text() == re.sub(r"(MoveBucket,1,.*,50),7", r"\1,10", rows)
+    page = (tmp_path / "page.md").read_text()
+    assert "| no-restrictions | ood | missing | missing | missing | 14, 20 of 100 |" in page
+    assert "17.0% ± 4.2%, 2 seeds" in page
+
+
+def test_again_says_what_it_takes_as_it_is(
+    tmp_path: Path, commands: list[list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ("--tasks", "MoveBucket", "--seeds", "0", "2")
+    assert run(tmp_path, *options, "--stages", "train") == 0
+    shutil.rmtree(Policy("no-restrictions", "MoveBucket", 2).folder(tmp_path / "work"))
+    assert run(tmp_path, *options, "--again") == 0  # an interrupted command goes on
+    assert [command[0] for command in commands[4:]] == ["evaluate"] * 2 + [
+        "train",
+        "export-policy",
+        *["evaluate"] * 2,
+    ]
+    assert "taken as it is" not in capsys.readouterr().out
+    path = tmp_path / "data" / "tracks.csv"
+    path.write_text(path.read_text().replace(",50,10", ",50,7"))
+    commands.clear()
+    assert run(tmp_path, *options[:-1], "--again") == 0
+    assert commands == []
+    assert capsys.readouterr().out.splitlines()[0].endswith(str(Path("MoveBucket", "seed-0")))
+    page = (tmp_path / "page.md").read_text()
+    assert "| no-restrictions | ood | missing | missing | missing | 20, 14 of 100 (seeds 0, 2) |" in page
+    assert "\nbetween\n" in page
 
 
 def test_training_leaves_test_objects_alone(tmp_path: Path, commands: list[list[str]]) -> None:
@@ -242,7 +275,37 @@ def test_a_set_that_was_made_in_another_way(tmp_path: Path, monkeypatch: pytest.
         data_commands("PushChair", tmp_path, 2)
 
 
-def test_a_page_without_marks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "page.md").write_text("nothing")
-    assert run(tmp_path, "--tasks", "PushChair", "--seeds", "0", "--stages", "evaluate") == 2
-    assert "lacks the marks" in capsys.readouterr().err
+@pytest.mark.parametrize("words", ["nothing", f"{BEGIN}\n{END}\n"])
+def test_a_page_without_marks(
+    words: str, tmp_path: Path, commands: list[list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "page.md").write_text(words)
+    assert run(tmp_path, "--tasks", "MoveBucket", "--seeds", "0") == 2
+    error = capsys.readouterr().err
+    assert "lacks the marks" in error
+    assert END_SEEDS in error
+    assert commands == []  # said before hours of training
+
+
+def test_the_pages_say_what_the_rows_say() -> None:
+    found = read_csv(PAGE.parent / TABLE)
+    page = PAGE.read_text(encoding="utf-8")
+    assert table_text(found, PAGE) in page
+    assert seeds_text(found) in page
+    readme = (PAGE.parents[1] / "README.md").read_text(encoding="utf-8")
+    rows = {
+        "| test | ": ("no-restrictions", "test"),
+        "| ood | ": ("no-restrictions", "ood"),
+        "| test, trained on the benchmark's training objects alone | ": ("interactive-expert", "test"),
+        "| test, trained on demonstrations of these alone | ": ("no-interactions", "test"),
+    }
+    for head, (track, split) in rows.items():
+        line = next(line for line in readme.splitlines() if line.startswith(head) and "±" in line)
+        cells = [cell.strip() for cell in line.removeprefix(head).strip("| ").split("|")]
+        for task, cell in zip(
+            ("OpenCabinetDrawer", "OpenCabinetDoor", "PushChair", "MoveBucket"), cells, strict=True
+        ):
+            rates = [100 * one[split].rate for policy, one in found.items() if policy[:2] == (track, task)]
+            spread = f" ± {np.std(rates, ddof=1):.1f}" if len(rates) > 1 else ""
+            assert cell.split(" (")[0] == f"{np.mean(rates):.1f}{spread}", (head, task)
+            assert "(" not in cell or str(len(rates)) in cell.split("(")[1]

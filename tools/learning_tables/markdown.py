@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from artiskill.config import check
 from artiskill.errors import ConfigError
 from artiskill.files import atomic_write, read_text
 from artiskill.gallery.facts import markdown
@@ -154,18 +155,28 @@ def _training(found: Sequence[Result]) -> list[str]:
     return [" to ".join(dict.fromkeys(minutes)), ", ".join(machines)]
 
 
+def read_marked(page: Path, *marks: str) -> str:
+    """Return the text of a page.
+
+    Raises:
+        ConfigError: it cannot be read, or lacks one of the marks.
+    """
+    try:
+        text = read_text(page)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"cannot read {str(page)!r}: {error}") from error
+    missing = [mark for mark in marks if mark not in text]
+    check(not missing, f"{str(page)!r} lacks the marks between which tables are written: {' '.join(missing)}")
+    return text
+
+
 def write_between(page: Path, begin: str, end: str, made: str) -> None:
     """Write what stands between the two marks of a page anew.
 
     Raises:
         ConfigError: the page cannot be read, or lacks a mark.
     """
-    try:
-        text = read_text(page)
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"cannot read {str(page)!r}: {error}") from error
-    if begin not in text or end not in text:
-        raise ConfigError(f"{str(page)!r} lacks the marks between which tables are written: {begin} {end}")
+    text = read_marked(page, begin, end)
     before, _, rest = text.partition(begin)
     _, _, after = rest.partition(end)
     with atomic_write(page) as path:

@@ -16,7 +16,7 @@ from artiskill.config import check_positive, check_value
 class RecoveryConfig:
     """When a policy stands still, and what it does then.
 
-    Chosen on drawers of cabinets on their side, which no policy trains on; docs/generalization.md has the numbers.
+    Chosen on drawers of cabinets on their side, which no policy trains on; docs/recipes.md has the numbers.
     """
 
     window_steps: int = 15  # it stands still if hands and base are where they were so many steps ago
