@@ -143,8 +143,8 @@ def main(arguments: list[str]) -> int:
             raise ConfigError(f"--jobs must be at least 1, not {options.jobs}")
         read_marked(options.page, BEGIN, END, BEGIN_SEEDS, END_SEEDS)  # it will be written after hours
         again = frozenset(policies if options.again else ())
-        for policy in again:
-            if is_finished(policy, options.work):
+        for policy in policies:
+            if policy in again and is_finished(policy, options.work):
                 print(f"taken as it is (remove it to train anew): {policy.folder(options.work)}", flush=True)
         known = read_all(options.work, options.page)
         failed = run_all([one for one in policies if one in again or one not in known], options)
@@ -334,12 +334,12 @@ def seeds_text(found: dict[Policy, dict[str, Measured]]) -> str:
 
 def _solved_cell(seeds: dict[int, Measured]) -> str:
     """Return the numbers of solved episodes; seeds are named unless they are 0, 1, 2 and so on."""
-    episodes = {one.episodes.total() for one in seeds.values()}
-    numbers = [one.successes.total() for one in seeds.values()]
+    counts = [(one.successes.total(), one.episodes.total()) for one in seeds.values()]
+    episodes = {total for _, total in counts}
     if len(episodes) > 1:
-        text = ", ".join(f"{one.successes.total()} of {one.episodes.total()}" for one in seeds.values())
+        text = ", ".join(f"{solved} of {total}" for solved, total in counts)
     else:
-        text = f"{', '.join(map(str, numbers))} of {episodes.pop()}"
+        text = f"{', '.join(str(solved) for solved, _ in counts)} of {episodes.pop()}"
     in_order = list(seeds) == list(range(len(seeds)))
     return text if in_order else f"{text} (seeds {', '.join(map(str, seeds))})"
 
