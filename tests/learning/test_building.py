@@ -1,5 +1,7 @@
 """Training sets made from training files, and from demonstrations."""
 
+import errno
+import os
 import subprocess
 import sys
 import tracemalloc
@@ -16,6 +18,7 @@ from artiskill.demos.training_file import Sampling, TrainingFile
 from artiskill.envs.wrappers import PointCloudDownsample
 from artiskill.errors import ArtiSkillError, ConfigError, DemoError
 from artiskill.files import lock_folder
+from artiskill.learning import building
 from artiskill.learning.building import Moments, build_training_set, choose_trajectories
 from artiskill.learning.set_sources import SetOptions
 from artiskill.learning.training_set import TrainingSet
@@ -160,6 +163,23 @@ def test_a_full_disk_is_one_line(files: Path, tmp_path: Path, monkeypatch: pytes
     with pytest.raises(DemoError, match=r"cannot write to .*: No space left on device"):
         build_training_set(files, tmp_path / "set", FOUR)
     assert not (tmp_path / "set").exists()  # what was written takes no place
+
+
+def test_a_disk_that_takes_no_more_is_no_fault_of_the_source(
+    files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add = building._Builder._add
+
+    def onto_a_full_quota(self: Any, file: Any, number: int, out: Any) -> None:
+        class Full:
+            def write(self, content: bytes) -> None:
+                raise OSError(errno.EDQUOT, os.strerror(errno.EDQUOT))
+
+        add(self, file, number, Full())
+
+    monkeypatch.setattr(building._Builder, "_add", onto_a_full_quota)
+    with pytest.raises(DemoError, match=r"^cannot write to .*: Disk quota exceeded$"):
+        build_training_set(files, tmp_path / "set", FOUR)
 
 
 def test_what_a_kill_left_is_in_nobodys_way(files: Path, tmp_path: Path) -> None:

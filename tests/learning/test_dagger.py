@@ -243,7 +243,7 @@ def test_rounds_that_never_begin_are_refused() -> None:
     legal = load_train_config("dagger", TASK, overrides={"steps": 20, "algorithm.rounds": 20})
     assert algorithm_config(legal).round_steps(20) == 1
     config = load_train_config("dagger", TASK, overrides={"steps": 60, "algorithm.rounds": 40})
-    with pytest.raises(ConfigError, match=r"room for 30 rounds of 2, not for algorithm\.rounds=40"):
+    with pytest.raises(ConfigError, match=r"room for 30 rounds of 2, not for algorithm\.rounds=40; 80 have"):
         RolloutData().open(config, Path("nowhere"))
 
 
@@ -256,6 +256,9 @@ def test_what_is_refused() -> None:
         load_train_config("dagger", TASK, overrides={"network.input.frames": ["robot", "hand"]})
     with pytest.raises(ConfigError, match="takeover_steps"):
         load_train_config("dagger", TASK, overrides={"algorithm.takeover_steps": [9, 3]})
+    config = load_train_config("dagger", TASK, overrides={"algorithm.takeover_steps": [10, 200]})
+    with pytest.raises(ConfigError, match="takeover_steps must lie below the 200 steps of an episode, not at 200"):
+        RolloutData().open(config, Path("nowhere"))
     config = load_train_config("dagger", TASK, overrides={"algorithm.objects": ["test"]})
     with pytest.raises(ConfigError, match=r"neither what is trained on .* is of 'test'"):
         RolloutData().open(config, Path("nowhere"))
@@ -389,6 +392,18 @@ def test_the_same_bits_in_any_number_of_processes_and_after_a_crash(
         assert torch.equal(ours[name], value), name
 
 
+def test_dropout_has_the_same_bits_in_any_number_of_processes(tmp_path: Path) -> None:
+    """Making the policy that collects draws from torch's own generator, as dropout does."""
+    transformer = {"width": 8, "blocks": 1, "heads": 1, "head_width": 8, "feedforward": 8, "dropout": 0.5}
+    values = TINY | {"algorithm.rounds": 2, "steps": 2, "network.transformer": transformer}
+    config = load_train_config("dagger", TASK, "small_transformer", values)
+    for workers in (1, 2):
+        train(config, RolloutData(workers, lambda text: None), tmp_path / str(workers), "cpu", 1)
+    ours, theirs = (weights(tmp_path / name) for name in ("1", "2"))
+    for name, value in theirs.items():
+        assert torch.equal(ours[name], value), name
+
+
 @pytest.mark.parametrize(("share", "kinds"), [(0.0, {"c"}), (0.5, {"c", "g"}), (1.0, {"g"})])
 def test_how_often_generated_objects_are_drawn(share: float, kinds: set[str], tmp_path: Path) -> None:
     more = {"algorithm.objects": ["cabinet-0002", "generated:cabinet:0..9"], "algorithm.generated_share": share}
@@ -505,8 +520,10 @@ def test_a_run_that_began_before_a_value_was_there_goes_on(whole: Path, tmp_path
     run = tmp_path / "run"
     shutil.copytree(whole, run)
     text = (run / CONFIG).read_text()
-    (run / CONFIG).write_text(text.replace("  one_kind: false\n", ""))
-    assert (run / CONFIG).read_text() != text
+    nested, dotted = "    grasp:\n      roll_weight: 0.3\n", "    grasp.roll_weight: 0.3\n"
+    assert nested in text
+    assert "  one_kind: false\n" in text
+    (run / CONFIG).write_text(text.replace("  one_kind: false\n", "").replace(nested, dotted))
     tiny_run(run)
     assert (run / CONFIG).read_text() == text
 
@@ -622,6 +639,17 @@ def test_samples_set_rounds_and_steps(more: tuple[str, ...], batch_size: int | N
     }
 
 
+def test_samples_leave_room_for_all_rounds() -> None:
+    from artiskill.cli.main import make_parser
+    from artiskill.cli.train import _overrides
+
+    given = ["--samples", "192000", "--batch-size", "2048", "--out", "run"]
+    found = _overrides(make_parser().parse_args(["train", "dagger", "--task", TASK, *given]))
+    config = load_train_config("dagger", TASK, overrides=found)
+    assert algorithm_config(config).round_steps(config.steps) * 40 == config.steps
+    assert 7 * 192_000 <= config.steps * 2048 < 7.3 * 192_000
+
+
 def test_samples_may_be_of_any_network() -> None:
     from artiskill.cli.main import make_parser
     from artiskill.cli.train import _overrides
@@ -649,5 +677,8 @@ def test_each_task_has_the_values_of_the_policies_that_come_with_the_package(
     assert values["rounds"] * values["collectors"] * values["envs"] * values["rollout_steps"] == samples
     assert values["generated_share"] == share
     assert commanding_expert(make_task(task), values["expert"]).phases, "it takes its values"
+    assert bool(values["expert"]) == (task != "MoveBucket"), "and these are found"
+    plain = load_train_config("dagger", task, overrides={"algorithm.expert": {}}).algorithm["expert"]
+    assert plain == {}, "the expert may teach as it acts"
     named = load_train_config("dagger", task, overrides={"algorithm.objects": ["train"]})
     assert named == dataclasses.replace(config, algorithm=values | {"objects": ["train"], "generated_share": None})

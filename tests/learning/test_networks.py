@@ -39,6 +39,16 @@ def test_order_of_points_does_not_matter(name: str, compat: str) -> None:
         torch.testing.assert_close(found, network(seen), atol=1e-5, rtol=1e-5)
 
 
+def test_mixed_precision_sees_what_single_precision_sees() -> None:
+    """Who acts does so in float32, so hands and points must not be elsewhere in training."""
+    inputs, seen = make("small").inputs, observe()
+    with torch.autocast("cpu", torch.bfloat16):
+        mixed = inputs(seen)
+    single = inputs(seen)
+    assert torch.equal(mixed.points, single.points)
+    assert torch.equal(mixed.state, single.state)
+
+
 @pytest.mark.parametrize("sizes", [CABINET, CHAIR], ids=["cabinet", "chair"])
 @pytest.mark.parametrize("name", NETWORKS)
 def test_output_without_any_point_is_finite(name: str, sizes: Sizes) -> None:

@@ -87,6 +87,16 @@ def test_the_best_checkpoint_acts_else_the_latest(tmp_path: Path) -> None:
         weights_file(tmp_path / "other.pt")
 
 
+def test_a_folder_may_have_a_dot_and_a_checkpoint_a_short_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = tmp_path / "lr0.001"
+    write_whole(run / LATEST, b"latest")
+    assert weights_file(run) == run / LATEST
+    monkeypatch.chdir((run / LATEST).parent)
+    assert run_folder(LATEST.name) == run
+
+
 def test_a_table_forgets_what_came_after_a_checkpoint(tmp_path: Path) -> None:
     path = tmp_path / "metrics.csv"
     table = Table(path, 0)

@@ -1,4 +1,5 @@
 # ruff: noqa: E402
+import contextlib
 import json
 import re
 import shutil
@@ -17,6 +18,7 @@ import artiskill
 from artiskill.cli.main import main
 from artiskill.errors import ConfigError, DemoError, RunError, UnknownNameError
 from artiskill.files import lock_folder
+from artiskill.learning.processes import Processes
 from artiskill.learning.run import INFO, LATEST, read_info
 from artiskill.learning.train import TrainData, train
 from artiskill.learning.train_config import load_train_config
@@ -175,6 +177,16 @@ def test_devices_and_threads(tiny_set: Path, tmp_path: Path) -> None:
     if not torch.cuda.is_available():
         with pytest.raises(ConfigError, match="device 'cuda' cannot be used here"):
             train(tiny_config(), TrainData(tiny_set), tmp_path / "run", device="cuda")
+
+
+def test_a_batch_that_cannot_be_split_leaves_nothing_behind(
+    tiny_set: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    three = contextlib.nullcontext(Processes(0, 3))
+    monkeypatch.setattr("artiskill.learning.train.joined_processes", lambda device: three)
+    with pytest.raises(ConfigError, match="a batch of 8 cannot be split among 3 processes alike"):
+        go(tiny_set, tmp_path / "run", batch_size=8)
+    assert not (tmp_path / "run").exists()
 
 
 def test_mixed_precision_trains(tiny_set: Path, tmp_path: Path) -> None:

@@ -211,8 +211,11 @@ def _rollout_overrides(arguments: argparse.Namespace, others: dict[str, Any]) ->
         plain = load_train_config(arguments.algorithm, arguments.task, arguments.network, others)
         values = plain.algorithm
         size = values["collectors"] * values["envs"] * values["rollout_steps"]
-        given["algorithm.rounds"] = -(-arguments.samples // size)
-        given["steps"] = max(1, _PASSES * given["algorithm.rounds"] * size // plain.batch_size)
+        rounds = -(-arguments.samples // size)
+        steps = max(1, _PASSES * rounds * size // plain.batch_size)
+        of_round = -(-steps // rounds)
+        has_all = steps > (rounds - 1) * of_round  # the last round begins before the last step
+        given |= {"algorithm.rounds": rounds, "steps": steps if has_all else rounds * of_round}
     return {key: value for key, value in given.items() if value is not None}
 
 

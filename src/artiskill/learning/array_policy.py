@@ -122,6 +122,14 @@ def pretrained_file(task: str) -> Path:
 def load_policy(task: str) -> "ArrayPolicy":
     """Return the policy that comes with the package for a task; it sees point clouds and needs no torch.
 
+    It acts on thinned clouds, which its environment has to give:
+
+        policy = load_policy("PushChair")
+        env = gym.make("ArtiSkill/PushChair-v0", obs_mode=policy.obs_mode, control_mode=policy.control_mode)
+        env = Sampling(**policy.sampling).wrap(env)  # artiskill.envs.wrappers
+        observation, _ = env.reset(seed=0)
+        action = policy.act(observation)
+
     Args:
         task: name of one of the benchmark's tasks.
 
@@ -142,8 +150,8 @@ class ArrayPolicy:
     """A policy of a file that `artiskill export-policy` wrote; it sees point clouds.
 
     It acts as the training run that it was exported from, to 1e-5, except where it recovers (`Header.recovery`);
-    without recovery it remembers nothing. With `bcq`, where two candidates are worth the same to seven digits, the
-    one or the other may be taken.
+    without recovery it remembers nothing. Where two candidates (of `bcq`) are worth the same to seven digits, or
+    two kinds of commands (of `dagger`, `command_bc`) as likely, the one or the other may be taken.
 
     Args:
         path: of the file.

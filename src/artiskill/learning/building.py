@@ -185,11 +185,12 @@ class _Builder:
             rows["terminated"] = group["success"][()] & group["dones"][()]
             check_finite({"actions": rows["action"], "rewards": rows["reward"]})
             about = str(group.attrs["target"]), int(group.attrs["level"])
-            for records in self._records(group, about[1]):
-                out.write(records.tobytes())
-                self._frames += len(records)
-                self._points.add(records["points"][records["codes"] >= 128])
-                self._agent.add(records["agent"])
+            chunks = list(self._records(group, about[1]))
+        for records in chunks:  # a full disk is no fault of the source
+            out.write(records.tobytes())
+            self._frames += len(records)
+            self._points.add(records["points"][records["codes"] >= 128])
+            self._agent.add(records["agent"])
         self._trajectories.append((file.object, *about, self._count, steps))
         self._steps.append(rows)
         self._count += steps

@@ -56,7 +56,7 @@ class DAggerConfig(CommandLearnerConfig):
         found = -(-steps // self.rounds)
         begun = -(-steps // found)
         text = f"{steps} steps have room for {begun} rounds of {found}, not for algorithm.rounds={self.rounds}"
-        check(begun == self.rounds, text)
+        check(begun == self.rounds, f"{text}; {found * self.rounds} have")
         return found
 
 

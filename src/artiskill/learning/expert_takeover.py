@@ -14,9 +14,17 @@ from artiskill.config import check
 from artiskill.demos.demonstrator import FAULTS
 from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.experts.registry import make_expert
+from artiskill.tasks.task import Task
 
 _PRIVATE_STREAM = 11  # tells these random numbers from others of the same seed
 _NEVER = np.iinfo(np.int64).max
+
+
+def check_takeover(takeover_steps: tuple[int, int], task: Task) -> None:
+    """Raise `ConfigError` if an episode of the task may be over before the expert takes over."""
+    last, limit = takeover_steps[1], task.config.episode_steps
+    rule = f"must lie below the {limit} steps of an episode"
+    check(last < limit, f"algorithm.takeover_steps {rule}, not at {last}")
 
 
 class ExpertTakeover:
@@ -36,9 +44,7 @@ class ExpertTakeover:
     def __init__(
         self, env: ManipulationVectorEnv, share: float, takeover_steps: tuple[int, int], seed: int
     ) -> None:
-        last, limit = takeover_steps[1], env.task.config.episode_steps
-        rule = f"must lie below the {limit} steps of an episode"
-        check(last < limit, f"algorithm.takeover_steps {rule}, not at {last}")
+        check_takeover(takeover_steps, env.task)
         self._env, self._share, self._takeover_steps = env, share, takeover_steps
         self._expert = make_expert(env.task.name, env.task.robot)
         self._rng = np.random.default_rng([seed, _PRIVATE_STREAM])

@@ -69,6 +69,12 @@ class StepSampler:
         return found
 
 
+def check_split(batch_size: int, world_size: int) -> None:
+    """Raise `ConfigError` if processes cannot have as many steps of a batch each."""
+    text = f"a batch of {batch_size} cannot be split among {world_size} processes alike; choose a multiple"
+    check(batch_size % world_size == 0, text)
+
+
 class _Records(NamedTuple):
     """A batch as it lies on the disk, on its way to a device: fewer bytes travel."""
 
@@ -111,10 +117,7 @@ class BatchLoader:
     ) -> None:
         check(batch_size >= 1, f"the batch size must be at least 1, not {batch_size}")
         check(0 <= rank < world_size, f"the rank must lie in [0, {world_size - 1}], not {rank}")
-        check(
-            batch_size % world_size == 0,
-            f"a batch of {batch_size} cannot be split among {world_size} processes alike; choose a multiple",
-        )
+        check_split(batch_size, world_size)
         check(seed >= 0, f"the seed must be at least 0, not {seed}")
         check(start_step >= 0, f"the first batch's number must be at least 0, not {start_step}")
         self._set, self._size, self._next = training_set, batch_size, start_step

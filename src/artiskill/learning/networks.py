@@ -94,9 +94,10 @@ class Inputs(nn.Module):
             self.register_buffer(name, torch.as_tensor(values, dtype=torch.float32).clone())
 
     def forward(self, observation: Observation) -> Features:
-        """Return the features; see `make_features`."""
+        """Return the features, in float32 also of training in mixed precision; see `make_features`."""
         scale = Scale(*(getattr(self, name) for name in Scale._fields))
-        return make_features(observation, self.config, scale, self.frame, self.kinematics)
+        with torch.autocast(observation.points.device.type, enabled=False):
+            return make_features(observation, self.config, scale, self.frame, self.kinematics)
 
 
 class JointLinear(nn.Module):

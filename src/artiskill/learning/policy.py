@@ -16,7 +16,7 @@ from artiskill.learning.batch import Observation
 from artiskill.learning.checkpoints import load_weights, make_algorithm, read_content
 from artiskill.learning.recovery import RecoveryConfig
 from artiskill.learning.run import FROM_STATE, RunInfo, read_info, run_folder, weights_file
-from artiskill.learning.train_config import TrainConfig, read_train_config
+from artiskill.learning.train_config import TrainConfig, algorithm_class, read_train_config
 
 if TYPE_CHECKING:  # it needs the engine's kernels
     from artiskill.learning.commands import CommandActor
@@ -136,12 +136,14 @@ def load_trained(run: Path | str) -> tuple[RunInfo, TrainConfig, Algorithm]:
     Raises:
         PolicyError: there is no checkpoint.
         RunError: the run is damaged or of another version.
+        ConfigError: it learned commands, for which the engine's packages are needed, and one is missing.
     """
     weights, folder = weights_file(run), run_folder(run)
     info = read_info(folder)
     if info.algorithm in FROM_STATE:
         raise PolicyError(f"{str(folder)!r} learned from the state; only policies of point clouds are exported")
     config = read_train_config(folder)
+    algorithm_class(config.name)  # where a package is missing, the run is not damaged
     try:
         algorithm = make_algorithm(config, info)
     except (ConfigError, TypeError, LookupError) as error:

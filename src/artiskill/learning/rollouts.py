@@ -22,7 +22,7 @@ from artiskill.demos.demonstrator import FAULTS
 from artiskill.envs.control import JOINT
 from artiskill.envs.vector_env import ManipulationVectorEnv
 from artiskill.envs.wrappers import Sampling, VectorPointCloudDownsample
-from artiskill.errors import ConfigError, DivergedError, RunError
+from artiskill.errors import DivergedError, RunError
 from artiskill.experts.variation import Disturbance, load_variation
 from artiskill.files import DAMAGED_ARCHIVE, atomic_write
 from artiskill.jobs.fork_server import fork_server
@@ -34,6 +34,7 @@ from artiskill.learning.batch import Batch, Observation, Sizes, Statistics
 from artiskill.learning.checkpoints import load_weights, make_algorithm, save_weights
 from artiskill.learning.commands import CommandSpace, command_space, commanding_expert
 from artiskill.learning.dagger import DAggerConfig
+from artiskill.learning.expert_takeover import check_takeover
 from artiskill.learning.policy import one_thread
 from artiskill.learning.run import CONFIG, INFO, RunInfo, Table, read_info
 from artiskill.learning.train_config import (
@@ -82,7 +83,7 @@ class Rollouts:
 
     Raises:
         PolicyError: the task has no expert, or one that gives no commands.
-        ConfigError: objects of a split that is measured, or shares for another number of masks.
+        ConfigError: objects of a split that is measured, shares for another number of masks, or late takeovers.
         UnknownNameError, AssetError: objects that do not exist, or that the task cannot use.
     """
 
@@ -103,12 +104,12 @@ class Rollouts:
         )
         found = resolve_objects(list(self.values.objects), task=config.task)
         check_not_measured(found)
+        check_takeover(self.values.takeover_steps, self.task)
         self.objects = [object_id_of(item) for item in found]
         self._hash = hash_of(found)
-        if self.values.generated_share is not None and not all(kinds_of(self.objects)):
-            raise ConfigError(
-                "algorithm.generated_share is for generated objects beside others; leave it out: null"
-            )
+        has_share = self.values.generated_share is not None
+        text = "algorithm.generated_share is for generated objects beside others; leave it out: null"
+        check(not has_share or all(kinds_of(self.objects)), text)
 
     @property
     def text(self) -> str:
@@ -173,8 +174,9 @@ class RoundBatches:
         space = from_mapping(CommandSpace, trainer.info.commands, "commands")
         self._augmentation = Augmentation(values.augmentation, space, FRAME, trainer.info.sizes["masks"])
         self._rounds = 0  # that were taken in
-        self._records = np.zeros(0, self._layout.dtype)
-        self._labels = np.zeros((0, 0), np.float32)
+        self._samples = 0  # of these
+        self._records = np.empty(trainer.info.steps, self._layout.dtype)  # of all rounds, at most
+        self._labels = np.empty((trainer.info.steps, space.label_size), np.float32)
 
     def __iter__(self) -> "RoundBatches":
         """Return itself."""
@@ -187,7 +189,7 @@ class RoundBatches:
             self._rounds += 1
         config, device = self._rollouts.config, self._trainer.processes.device
         rng = np.random.Generator(np.random.Philox(key=config.seed, counter=[0, 0, 0, self._step]))
-        rows = np.sort(rng.integers(0, len(self._labels), config.batch_size))
+        rows = np.sort(rng.integers(0, self._samples, config.batch_size))
         self._step += 1
         arrays, labels = self._augmentation(self._layout.decode(self._records[rows]), self._labels[rows], rng)
         seen = Observation(*(torch.from_numpy(one).to(device) for one in arrays))
@@ -226,8 +228,10 @@ class RoundBatches:
         try:
             with job.path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
                 records, labels, counts = (archive[name] for name in ("records", "labels", "counts"))
-            self._records = np.concatenate((self._records, records.view(self._layout.dtype).reshape(-1)))
-            self._labels = np.concatenate((self._labels.reshape(-1, labels.shape[1]), labels))
+            rows = slice(self._samples, self._samples + len(labels))
+            self._records[rows] = records.view(self._layout.dtype).reshape(-1)
+            self._labels[rows] = labels
+            self._samples += len(labels)
             return Counts(*counts.tolist())
         except DAMAGED_ARCHIVE as error:
             text = f"{str(job.path)!r} is damaged ({error}): remove it, and the same command collects it again"
@@ -361,11 +365,8 @@ class Collector:
                 send(None)
         records = np.concatenate([one.records[one.is_good] for one in met])
         labels = np.concatenate([one.labels[one.is_good] for one in met])
-        return (
-            records,
-            labels,
-            Counts._make((len(labels), *totals.tolist(), time.perf_counter() - begin, labelling_s)),
-        )
+        counts = Counts._make((len(labels), *totals.tolist(), time.perf_counter() - begin, labelling_s))
+        return records, labels, counts
 
     def _load(self, job: RolloutJob) -> Any:
         algorithm = make_algorithm(self._config, self._info)
@@ -394,9 +395,8 @@ class Collector:
             steps = self._task.config.episode_steps if is_whole else int(self._rng.integers(low, high + 1))
         arms = len(self._task.robot.mounts)
         own = np.random.default_rng(int(self._rng.integers(2**62)))
-        return _Episode(
-            steps, is_whole, Disturbance(self._pushes, self._half_range, arms, self._space.step_s, own)
-        )
+        disturbance = Disturbance(self._pushes, self._half_range, arms, self._space.step_s, own)
+        return _Episode(steps, is_whole, disturbance)
 
     def _records(self) -> np.ndarray:
         cloud = self._seen["pointcloud"]

@@ -26,7 +26,7 @@ from typing import Any, BinaryIO
 
 from artiskill.config import from_mapping, to_mapping
 from artiskill.errors import ArtiSkillError, MissingExtraError, PolicyError, RunError, shown
-from artiskill.files import atomic_write, file_sha256, is_file, parse_json, read_bytes, read_text
+from artiskill.files import atomic_write, file_sha256, is_file, is_folder, parse_json, read_bytes, read_text
 from artiskill.learning.observation import ObservationLayout
 from artiskill.tasks.registry import SEEN_SECTIONS
 
@@ -111,7 +111,7 @@ def weights_file(run: Path | str) -> Path:
     run = Path(run)
     if is_file(run):
         return run
-    if run.suffix:
+    if run.suffix and not is_folder(run):
         raise PolicyError(f"there is no file {str(run)!r}")
     for name in (BEST, LATEST):
         if is_file(run / name):
@@ -124,7 +124,7 @@ def weights_file(run: Path | str) -> Path:
 def run_folder(run: Path | str) -> Path:
     """Return the folder of a run that is given by its folder, or by one of its checkpoints."""
     run = Path(run)
-    return run.parent.parent if is_file(run) else run
+    return run.absolute().parent.parent if is_file(run) else run
 
 
 def weights_digest(run: Path | str) -> str:

@@ -12,6 +12,7 @@ from artiskill.config import differing, dump_yaml
 from artiskill.errors import ConfigError, DemoError, RunError
 from artiskill.files import LOCK_FILE, lock_folder, output_path
 from artiskill.jobs.parallel import available_cores
+from artiskill.learning.loading import check_split
 from artiskill.learning.processes import Processes, check_alone, joined_processes
 from artiskill.learning.run import CONFIG, INFO, KEPT, SET, RunInfo, read_info, write_info, write_whole
 from artiskill.learning.train_config import TrainConfig, read_train_config
@@ -116,7 +117,7 @@ def train(
             is not finite; the disk is full.
         DemoError: the data are missing, damaged, of another task, or of no point clouds.
         ConfigError: an illegal value or device, another process trains in the folder, or several processes that
-            `torchrun` has started are to collect rollouts.
+            `torchrun` has started are to collect rollouts, or cannot have as many steps of a batch each.
         KeyboardInterrupt: a signal came; a checkpoint was saved.
     """
     folder = output_path(folder)
@@ -124,6 +125,7 @@ def train(
         check_alone(config.name)
     with joined_processes(device) as processes:
         torch.set_num_threads(_thread_count(threads, processes))
+        check_split(config.batch_size, processes.world_size)
         with lock_folder(folder, "training run") if processes.is_first else nullcontext():
             if processes.is_first:
                 _prepare(config, data, folder, on_set)

@@ -54,14 +54,17 @@ DEVELOPMENT_SEEDS = {"cabinet": "1000000..1000023", "chair": "1000000..1000011",
 _MOST_STEPS = 10**9
 _MOST_NAMED = 5  # differences
 ROLLOUT_SEEDS = {"cabinet": "0..599", "chair": "0..199", "bucket": "0..199"}
-# what experts do otherwise when they teach, by category. How far a joint goes is not seen, so a student that stops
+# what experts do otherwise when they teach. How far a joint goes is not seen, so a student that stops
 # where the expert would may stop too early: it goes on, and the joint's limit stops it. And a student that has
 # rolled its hand the wrong way takes the grasp that is nearest then. How wide a round seat is hardly shows, so a
 # student that looks for its narrowest side turns to and fro before it. Hands on their way to a wide seat shall not
 # pull the base into the feet of the chair, and heavy chairs take more force
 _TEACHING: Mapping[str, dict[str, Any]] = {
-    "cabinet": {"overshoot": 10.0, "grasp.roll_weight": 0.3},
-    "chair": {"seat.width_weight": 3.0, "hands.whole_body.base_damping": 0.5, "hands.lead_m_s": 0.4},
+    "artiskill.experts.open_cabinet:OpenCabinetExpert": {"overshoot": 10.0, "grasp": {"roll_weight": 0.3}},
+    "artiskill.experts.push_chair:PushChairExpert": {
+        "seat": {"width_weight": 3.0},
+        "hands": {"whole_body": {"base_damping": 0.5}, "lead_m_s": 0.4},
+    },
 }
 _AT_ORIGIN = ("chair", "bucket")  # whose goal is the world's origin
 
@@ -164,8 +167,11 @@ def load_train_config(
     seen = values["network"]["input"]
     seen["origin"] = seen["body"] and spec.category in _AT_ORIGIN
     if name in INTERACTIVE:
-        if merge_overrides({"algorithm": {}}, overrides or {})["algorithm"].get("objects") is not None:
+        own = merge_overrides({"algorithm": {"objects": None, "expert": None}}, overrides or {})["algorithm"]
+        if isinstance(own, dict) and own["objects"] is not None:
             values["algorithm"]["generated_share"] = None  # the task's is of the objects that it has by default
+        if isinstance(own, dict) and own["expert"] == {}:
+            values["algorithm"]["expert"] = {}  # no other values than those that it acts with
         _fill_rollouts(values["algorithm"], task, spec.category)
     config = from_layers(TrainConfig, lambda given: merge_overrides(values, given), overrides, f"{name}.yaml")
     return _resolved(config)
@@ -278,7 +284,7 @@ def _fill_rollouts(algorithm: dict[str, Any], task: str, category: str) -> None:
     if algorithm["objects"] is None:
         algorithm["objects"] = ("train", f"generated:{category}:{ROLLOUT_SEEDS[category]}")
     if algorithm["expert"] is None:
-        algorithm["expert"] = dict(_TEACHING.get(category, {}))
+        algorithm["expert"] = dict(_TEACHING.get(task_spec(task).expert or "", {}))
     if algorithm["shares"] is None:
         algorithm["shares"] = point_shares(task, make_task(task).mask_names)
 
@@ -293,4 +299,9 @@ def _refusal(reason: str) -> str:
 
 def _resolved(config: TrainConfig) -> TrainConfig:
     """Return the same with all values of the algorithm, checked."""
-    return replace(config, algorithm=to_mapping(algorithm_config(config)))
+    values = to_mapping(algorithm_config(config))
+    if "expert" in values:
+        values["expert"] = merge_overrides(
+            {}, values["expert"]
+        )  # dotted keys, as those of a version before, nested
+    return replace(config, algorithm=values)

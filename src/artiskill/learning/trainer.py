@@ -81,7 +81,6 @@ class Trainer:
 
     Raises:
         RunError: the checkpoint is damaged, or further than the configuration's steps.
-        ConfigError: the batch cannot be split among the processes.
     """
 
     def __init__(
@@ -177,9 +176,10 @@ class Trainer:
         """Take one step, log and save if it is time; return the numbers as text if there are new ones."""
         start, step = time.perf_counter(), self.state.step
         self._set_rates(step)
+        batch = next(loader)  # first: collecting it may draw from torch's own generator
         torch.manual_seed(self._noise_seed(step, 1))  # of dropout
         noise = torch.Generator().manual_seed(self._noise_seed(step, 0))
-        numbers = self.algorithm.update(next(loader), step, noise, self.processes.sync, self._autocast)
+        numbers = self.algorithm.update(batch, step, noise, self.processes.sync, self._autocast)
         self._follow()
         self.state.step += 1
         self._add_numbers(numbers)
