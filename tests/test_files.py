@@ -174,6 +174,7 @@ def test_names_are_compared_in_time() -> None:
         assert len(message) < 2500
     assert time.process_time() - start < 1
     assert closest("PushChiar", ["PushChair", "MoveBucket"]) == "PushChair"
+    assert closest("export", ["report", "export-policy"]) == "export-policy", "what was given is its first word"
 
 
 def test_a_very_long_message_is_cut_in_its_middle() -> None:

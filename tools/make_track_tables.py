@@ -147,7 +147,10 @@ def main(arguments: list[str]) -> int:
             if policy in again and is_finished(policy, options.work):
                 print(f"taken as it is (remove it to train anew): {policy.folder(options.work)}", flush=True)
         known = read_all(options.work, options.page)
-        failed = run_all([one for one in policies if one in again or one not in known], options)
+        missing = [one for one in policies if one in again or one not in known]
+        if not missing:
+            print("nothing to do: the table has these rows; --again makes them anew", flush=True)
+        failed = run_all(missing, options)
         write_table(options.work, options.page, again)
     except ArtiSkillError as error:
         print(f"error: {error}", file=sys.stderr)

@@ -350,6 +350,13 @@ def _wanted(kind: Any, value: object) -> str:
         legal = list(map(str, typing.get_args(kind)))
         near = _nearest(value, legal).rstrip()
         return f"one of {', '.join(map(repr, legal))}, not {shown(value)}{'; ' if near else ''}{near}"
+    args = typing.get_args(kind)
+    if (
+        typing.get_origin(kind) is tuple
+        and typing.get_origin(args[0]) is typing.Literal
+        and isinstance(value, tuple)
+    ):
+        return _wanted(args[0], next((one for one in value if one not in typing.get_args(args[0])), value))
     name = kind.__name__ if isinstance(kind, type) and not typing.get_args(kind) else str(kind)
     return f"{name}, not {shown(value)}"
 

@@ -129,7 +129,12 @@ def closest(given: object, legal: Iterable[str], cutoff: float = 0.6) -> str | N
     """Return the legal name that is most like a given one, if any is."""
     if not isinstance(given, str) or len(given) > _MOST_COMPARED:
         return None
-    return next(iter(difflib.get_close_matches(given, list(legal), n=1, cutoff=cutoff)), None)
+    legal = list(legal)
+    is_word = given[:1].isalpha()  # no option
+    longer = [name for name in legal if is_word and name.startswith(f"{given}-")]
+    if longer:
+        return min(longer, key=len)
+    return next(iter(difflib.get_close_matches(given, legal, n=1, cutoff=cutoff)), None)
 
 
 def _shortening_repr() -> reprlib.Repr:

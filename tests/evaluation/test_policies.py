@@ -7,6 +7,7 @@ import artiskill
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import PolicyError, UnknownNameError
 from artiskill.evaluation.evaluate import evaluate, run_episode
+from artiskill.evaluation.plan import plan_evaluation
 from artiskill.evaluation.policies import Actor, RandomActor, load_policy
 from artiskill.learning.array_policy import pretrained_file
 from artiskill.tasks.registry import task_names
@@ -75,6 +76,19 @@ def test_a_policy_of_the_package_solves_an_object_that_it_has_never_seen(task: s
     assert report.policy_sha256 is not None
 
 
+@pytest.mark.parametrize("given", ["file", "loaded"])
+def test_a_policy_that_learned_another_task(given: str) -> None:
+    """Of other objects it is refused; of the same ones it plays, and a note says what it learned."""
+    path = pretrained_file("OpenCabinetDrawer")
+    policy, name = (str(path), str(path)) if given == "file" else (artiskill.load_policy(path.stem), "the policy")
+    with pytest.raises(PolicyError) as refused:
+        plan_evaluation("PushChair", policy, "chair-0031", 1)
+    assert str(refused.value) == f"{name} learned OpenCabinetDrawer, with a cabinet; PushChair has a chair"
+    doors = plan_evaluation("OpenCabinetDoor", policy, "cabinet-0042", 1)
+    assert doors.notes == (f"{name} learned OpenCabinetDrawer, and is played on OpenCabinetDoor",)
+    assert plan_evaluation("OpenCabinetDrawer", policy, "cabinet-0042", 1, target="any").notes == ()
+
+
 def test_policies_of_the_package() -> None:
     policy = artiskill.load_policy("PushChair")
     assert (policy.header.task, policy.header.algorithm) == ("PushChair", "dagger")
@@ -82,5 +96,9 @@ def test_policies_of_the_package() -> None:
         PolicyError, match="no trained policy comes with the package for Fold; for MoveBucket, Open"
     ):
         artiskill.load_policy("Fold")
+    with pytest.raises(PolicyError, match="did you mean 'PushChair'"):
+        artiskill.load_policy("PushChiar")
+    with pytest.raises(PolicyError, match=r"ArrayPolicy\('mine\.npz'\) loads a file"):
+        artiskill.load_policy("mine.npz")
     files = [pretrained_file(task).stat().st_size for task in task_names()]
     assert sum(files) <= 8_000_000

@@ -302,6 +302,8 @@ def test_what_is_no_report(folder: Path, tmp_path: Path, change: Callable[[Any],
 def test_a_folder_without_a_report(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"is no whole report: config\.yaml: No such file"):
         verify_report(tmp_path)
+    with pytest.raises(ConfigError, match=r"^there is no folder '.*none'; a report is a folder"):
+        verify_report(tmp_path / "none")
 
 
 def paths_in(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:

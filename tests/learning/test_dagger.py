@@ -315,6 +315,26 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tiny_run(tmp_path_factory.mktemp("dagger") / "whole")
 
 
+def test_notes_say_that_nobody_but_the_expert_acts_and_that_no_object_is_new(tmp_path: Path) -> None:
+    lines: list[str] = []
+    development = ["cabinet-0007", "generated:cabinet:1000000"]
+    values = TINY | {"algorithm.expert_rounds": 3, "development.objects": development}
+    config = load_train_config("dagger", TASK, overrides=values)
+    with pytest.raises(ZeroDivisionError):
+        train(
+            config,
+            RolloutData(1, lambda text: None),
+            tmp_path / "run",
+            "cpu",
+            1,
+            make_develop=lambda info: lambda *given: [],
+            on_lines=lines.extend,
+            on_start=lambda step: 1 // 0,
+        )
+    assert "note: the expert acts in all rounds, so this is behaviour cloning" in lines
+    assert lines[-1].startswith("note: development object 'cabinet-0007' is also learned from")
+
+
 def test_a_run_has_rounds_and_says_what_came_of_them(whole: Path) -> None:
     with (whole / "rounds.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -596,6 +616,7 @@ def test_a_run_is_evaluated(whole: Path) -> None:
         (("bc",), "--data is needed"),
         (("bc", "--data", "x", "--samples", "9"), "--samples is for dagger, not for bc"),
         (("dagger", "--samples", "0"), "--samples must be at least 1, not 0"),
+        (("dagger", "--workers", "0"), "workers must be a whole number of at least 1, not 0"),
         (("sac", "--workers", "2"), "--workers is not for sac"),
         (("ppo", "--device", "cuda"), "--device is auto or cpu for ppo, not 'cuda'"),
     ],

@@ -26,7 +26,9 @@ def run(tiny_set: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_file_acts_as_its_run(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "new" / "policy.npz"
     assert main(["export-policy", str(run), str(path)]) == 0
-    assert f"artiskill evaluate --task OpenCabinetDrawer --policy {path}" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert f"artiskill evaluate --task OpenCabinetDrawer --policy {path}" in out
+    assert f"td3bc of {run}, as it was after step 20 of 20\n" in out
     exported, original = ArrayPolicy(path), RunPolicy(run)
     assert (exported.control_mode, exported.sampling) == (original.control_mode, original.sampling)
     rng = np.random.default_rng(0)
@@ -67,4 +69,6 @@ def test_only_commands_recover(run: Path, tmp_path: Path, capsys: pytest.Capture
 def test_what_is_no_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["export-policy", str(tmp_path), str(tmp_path / "policy.npz")]) == 2
     assert "is a folder, but of no training run" in capsys.readouterr().err
+    assert main(["export-policy", str(tmp_path / "none"), str(tmp_path / "policy.npz")]) == 2
+    assert "there is no folder" in capsys.readouterr().err
     assert not (tmp_path / "policy.npz").exists()

@@ -74,6 +74,8 @@ def test_a_saved_configuration_is_whole(tmp_path: Path) -> None:
         ({"network.hed": [1]}, "did you mean 'head'?"),
         ({"steps": 0}, "bc: steps must lie in [1, 1000000000], not 0"),
         ({"precision": "float16"}, "precision"),
+        ({"network.input.frames": ["robto"]}, "network.input.frames' must be one of "),
+        ({"network.input.frames": ["robto"]}, "not 'robto'; did you mean 'robot'?"),
         ({"algorithm.learning_rate": -1.0}, "learning_rate must be positive"),
         ({"development.every": 0}, "development.every must be positive"),
     ],

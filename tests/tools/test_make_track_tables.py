@@ -75,7 +75,9 @@ def run(folder: Path, *options: str) -> int:
     return script.main([*fixed, *options])
 
 
-def test_seeds_are_averaged_and_nothing_is_done_twice(tmp_path: Path, commands: list[list[str]]) -> None:
+def test_seeds_are_averaged_and_nothing_is_done_twice(
+    tmp_path: Path, commands: list[list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
     options = ("--tasks", "OpenCabinetDrawer", "OpenCabinetDoor", "--seeds", "0", "1")
     assert run(tmp_path, *options) == 0
     assert len(commands) == 2 * 2 * 4
@@ -100,6 +102,7 @@ def test_seeds_are_averaged_and_nothing_is_done_twice(tmp_path: Path, commands: 
     assert run(tmp_path, *options) == 0
     shutil.rmtree(tmp_path / "work")  # the CSV file knows
     assert run(tmp_path, *options) == 0
+    assert "nothing to do: the table has these rows; --again makes them anew" in capsys.readouterr().out
     assert commands == []
     assert (tmp_path / "page.md").read_text().splitlines() == rows
     assert (tmp_path / "data" / "tracks.csv").read_text().splitlines() == table

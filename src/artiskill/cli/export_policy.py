@@ -27,9 +27,11 @@ def _export_policy(arguments: argparse.Namespace) -> None:
     from artiskill.learning.run import check_torch
 
     check_torch("exporting a policy")
-    from artiskill.learning.policy import export_policy
+    from artiskill.learning.policy import export_policy, weights_step
 
     header = export_policy(arguments.folder, arguments.file, arguments.recovery)
     size = arguments.file.stat().st_size / 1e6
-    print(f"exported: {arguments.file} ({size:.1f} MB), {header.algorithm} of {arguments.folder}")
+    step, steps = weights_step(arguments.folder)
+    saved = f"as it was after step {step} of {steps}"
+    print(f"exported: {arguments.file} ({size:.1f} MB), {header.algorithm} of {arguments.folder}, {saved}")
     print(f"measure it: artiskill evaluate --task {header.task} --policy {arguments.file}")

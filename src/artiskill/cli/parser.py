@@ -128,10 +128,17 @@ def add_stored_task(parser: argparse.ArgumentParser) -> None:
 
 
 def workers_of(arguments: argparse.Namespace) -> int:
-    """Return the number of processes that was asked for, else that of the cores."""
-    from artiskill.jobs.parallel import available_cores
+    """Return the number of processes that was asked for, else that of the cores.
 
-    return available_cores() if arguments.workers is None else arguments.workers
+    Raises:
+        ConfigError: an illegal number.
+    """
+    from artiskill.jobs.parallel import available_cores, check_workers
+
+    if arguments.workers is None:
+        return available_cores()
+    check_workers(arguments.workers)
+    return int(arguments.workers)
 
 
 def overrides_of(pairs: Sequence[str]) -> dict[str, Any]:

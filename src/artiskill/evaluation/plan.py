@@ -25,6 +25,7 @@ from artiskill.evaluation.policies import (
     policy_digest,
     policy_of_task,
     solution_path,
+    task_notes,
 )
 from artiskill.evaluation.protocols import (
     ANY_TARGET,
@@ -118,7 +119,7 @@ class EvaluationPlan:
         salt: of fresh levels; None for those that count up.
         track: what the policy was made from, as its author says.
         load_timeout_s: the time in which a solution file must be loaded.
-        notes: what is done otherwise than the policy's server says.
+        notes: what is done otherwise than the policy's server says, or than a trained policy learned.
         replan_steps: actions taken of each answer of a server; None for all of them, and for other policies.
         sandbox: how the processes of a solution file are confined; None for other policies.
         confinement: what was found to hold of the first of them; the others find out for themselves.
@@ -194,6 +195,7 @@ def plan_evaluation(
         PolicyError: a policy that cannot be loaded or reached, or needs another mode.
     """
     levels = _levels(episodes, first_level)
+    target = None if target == ANY_TARGET else target
     make_task(task, config)  # before any policy is loaded
     if salt is not None and first_level != 0:
         raise ConfigError(f"fresh levels have no first one: leave first_level at 0, not {shown(first_level)}")
@@ -201,6 +203,7 @@ def plan_evaluation(
     name = PRETRAINED if policy == PRETRAINED else None
     policy = policy_of_task(policy, task)
     wanted = sandbox if isinstance(sandbox, SandboxConfig) else SandboxConfig(sandbox)
+    other_task = task_notes(policy, task)
     policy, actor, notes = inspect_any(policy, task, obs_mode, control_mode, load_timeout_s, wanted)
     overrides = merge_overrides(actor.observation_config or {}, config or {})
     try:
@@ -223,7 +226,7 @@ def plan_evaluation(
     called, held = (name or actor.name, policy, policy_digest(policy)), actor.confinement
     check_line("a report cannot name the policy:", called[0])
     return EvaluationPlan(
-        *(resolved, *called, *modes, batches, protocol, salt, track, load_timeout_s, notes),
+        *(resolved, *called, *modes, batches, protocol, salt, track, load_timeout_s, (*other_task, *notes)),
         replan_steps=policy.steps_of_answer if isinstance(policy, RemotePolicy) else None,
         sandbox=None if held is None else replace(wanted, kind=held.sandbox),
         confinement=held,

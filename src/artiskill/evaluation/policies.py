@@ -23,6 +23,7 @@ from artiskill.jobs.worker import NO_DEADLINE, Deadline, Send
 from artiskill.learning.array_policy import ArrayPolicy, pretrained_file
 from artiskill.learning.run import load_run, read_info, run_folder, weights_digest, weights_file
 from artiskill.tasks.levels import RngStream, level_generator
+from artiskill.tasks.registry import task_names, task_spec
 
 LOAD_TIMEOUT_S = 120.0  # to run a solution file and construct its policy: weights may be large
 
@@ -305,6 +306,26 @@ def trained_task(policy: Any) -> str | None:
         return read_info(run_folder(path)).task
     except RunError as error:
         raise PolicyError(str(error)) from error
+
+
+def task_notes(policy: Any, task: str) -> tuple[str, ...]:
+    """Return a note if a trained policy learned another task than it is to be played on.
+
+    Raises:
+        PolicyError: it learned a task of other objects, so it can see and move nothing there.
+    """
+    if isinstance(policy, ArrayPolicy):
+        name, learned = "the policy", policy.header.task
+    elif is_run(policy):
+        name, learned = str(policy), trained_task(policy) or task
+    else:
+        return ()
+    if learned == task or learned not in task_names():
+        return ()
+    theirs, ours = task_spec(learned).category, task_spec(task).category
+    if theirs != ours:
+        raise PolicyError(f"{name} learned {learned}, with a {theirs}; {task} has a {ours}")
+    return (f"{name} learned {learned}, and is played on {task}",)
 
 
 def policy_digest(policy: Any) -> str | None:

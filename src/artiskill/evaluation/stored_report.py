@@ -19,7 +19,7 @@ from artiskill.evaluation.protocols import PRIVILEGED, TRACKS
 from artiskill.evaluation.report import ACTIONS_FILE, EPISODES_CSV, REPORT_FILES, REPORT_JSON, mapping_sha256
 from artiskill.evaluation.sandbox import Confinement
 from artiskill.evaluation.statistics import EpisodeResult, EpisodeStatistics, Interval, object_interval, summarize
-from artiskill.files import parse_json, read_bytes
+from artiskill.files import is_folder, parse_json, read_bytes
 from artiskill.tasks.levels import MAX_LEVEL
 
 _MOST_LEVELS = 1_000_000
@@ -223,6 +223,8 @@ def read_report(folder: Path | str) -> ReportFolder:
         ConfigError: a file is missing, or report.json is not what it should be.
     """
     folder, files = Path(folder), {}
+    if not is_folder(folder):
+        raise ConfigError(f"there is no folder {str(folder)!r}; a report is a folder that `evaluate --out` wrote")
     for name in REPORT_FILES:
         try:
             files[name] = read_bytes(folder / name)

@@ -258,9 +258,11 @@ def _announce_once(seconds: float, folder: Path | None) -> None:
     if _announced or (folder is not None and not _is_first(folder)):
         return
     _announced = True
-    kept = "again each time: no cache can be written" if folder is None else f"once: kept in {folder}"
-    line = f"artiskill: compiling kernels for this processor, about {seconds:.0f} s for the first ({kept}"
-    sys.stderr.write(f"{line}; `artiskill warm` does it ahead)\n")
+    kept = f"once: kept in {folder}; `artiskill warm` does it ahead"
+    kept = "again each time: no cache can be written" if folder is None else kept
+    sys.stderr.write(
+        f"artiskill: compiling kernels for this processor, about {seconds:.0f} s for the first ({kept})\n"
+    )
     sys.stderr.flush()
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from artiskill.config import check, check_inside, from_mapping, to_mapping
-from artiskill.errors import ArtiSkillError, ConfigError, PolicyError, check_name, shown
+from artiskill.errors import ArtiSkillError, ConfigError, PolicyError, check_name, closest, shown
 from artiskill.files import DAMAGED_ARCHIVE, atomic_write, check_archive, open_regular, output_path, parse_json
 from artiskill.learning.array_networks import Weights, make_array_network
 from artiskill.learning.features import make_features
@@ -114,8 +114,12 @@ def pretrained_file(task: str) -> Path:
     """
     path = _PACKAGED / f"{task}{SUFFIX}"
     if not path.is_file():
-        names = ", ".join(sorted(one.stem for one in _PACKAGED.glob(f"*{SUFFIX}"))) or "none"
-        raise PolicyError(f"no trained policy comes with the package for {task}; for {names} one does")
+        names = sorted(one.stem for one in _PACKAGED.glob(f"*{SUFFIX}"))
+        near = closest(task, names)
+        hint = f"; did you mean {near!r}?" if near else ""
+        hint = f"; ArrayPolicy({str(task)!r}) loads a file" if Path(str(task)).suffix == SUFFIX else hint
+        have = ", ".join(names) or "none"
+        raise PolicyError(f"no trained policy comes with the package for {task}; for {have} one does{hint}")
     return path
 
 

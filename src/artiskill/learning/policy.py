@@ -183,6 +183,17 @@ def export_policy(run: Path | str, path: Path, recovery: bool = False) -> Header
     return header
 
 
+def weights_step(run: Path | str) -> tuple[int, int]:
+    """Return after which step a run's weights were saved, see `weights_file`, and how many steps were asked for.
+
+    Raises:
+        PolicyError: there is no checkpoint.
+        RunError: the run is damaged or of another version.
+    """
+    state = read_content(weights_file(run))["state"]
+    return state["step"], read_train_config(run_folder(run)).steps
+
+
 @contextmanager
 def one_thread() -> Iterator[None]:
     """Have torch use one thread of the CPU: the same bits in every process, and none to wait for."""

@@ -87,14 +87,14 @@ class Rollouts:
         UnknownNameError, AssetError: objects that do not exist, or that the task cannot use.
     """
 
-    notes = ()  # levels are drawn far from those of evaluations
-
     def __init__(
         self, config: TrainConfig, folder: Path, workers: int = 1, on_note: Callable[[str], None] = print
     ) -> None:
         self.config, self.folder, self.workers, self.on_note = config, folder, workers, on_note
         self.values: DAggerConfig = algorithm_config(config)
         self.round_steps = self.values.round_steps(config.steps)
+        is_alone = self.values.expert_rounds >= self.values.rounds
+        self.notes = ["note: the expert acts in all rounds, so this is behaviour cloning"] * is_alone
         self.task = make_task(config.task)
         wanted, names = len(self.task.mask_names) + 1, ", ".join(self.task.mask_names)
         check(

@@ -118,6 +118,8 @@ def weights_file(run: Path | str) -> Path:
             return run / name
     if is_file(run / INFO):
         raise PolicyError(f"{str(run)!r} is a training run without a checkpoint yet: train it for longer")
+    if not is_folder(run):
+        raise PolicyError(f"there is no folder {str(run)!r}")
     raise PolicyError(f"{str(run)!r} is a folder, but of no training run: it has no {INFO}")
 
 

@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from artiskill.assets.catalog import object_id_of
 from artiskill.config import to_mapping
 from artiskill.errors import RunError
 from artiskill.learning.algorithm import Algorithm
@@ -32,7 +33,7 @@ from artiskill.learning.loading import BatchLoader
 from artiskill.learning.processes import Processes
 from artiskill.learning.run import BEST, KEPT, LATEST, RunInfo
 from artiskill.learning.stopping import StopSignal
-from artiskill.learning.train_config import OF_COMMANDS, TrainConfig, measured_among
+from artiskill.learning.train_config import OF_COMMANDS, TrainConfig, check_development, measured_among
 from artiskill.learning.training_set import TrainingSet, manifest_text
 from artiskill.tasks.levels import FIRST_DEMONSTRATED
 
@@ -294,13 +295,24 @@ def describe_run(trainer: Trainer, source: Source) -> list[str]:
     few, others = wanted.objects[:_MOST_NAMED], len(wanted.objects[_MOST_NAMED:])
     named = ", ".join(few) + (f" and {others} others" if others else "")
     measured = f"success on {named} every {wanted.every} steps chooses the checkpoint"
+    widths = ", ".join(map(str, config.network.point_layers))
     return [
         f"{config.name}, {config.task}: {source.text}",
-        f"network {config.network.kind}, {trainer.parameters} parameters; {config.steps} steps of "
-        f"{config.batch_size}, {samples} samples; {config.precision} on {number}{device}",
+        f"network {config.network.kind} ({widths} for points), {trainer.parameters} parameters; "
+        f"{config.steps} steps of {config.batch_size}, {samples} samples; {config.precision} on {number}{device}",
         measured if trainer.measures else "no success is measured: the last checkpoint counts",
         *source.notes,
+        *(_development_notes(trainer) if trainer.measures else ()),
     ]
+
+
+def _development_notes(trainer: Trainer) -> list[str]:
+    """Return a line if objects that are learned from choose the checkpoint."""
+    both = set(map(object_id_of, check_development(trainer.config))) & set(trainer.info.objects)
+    few = f"{min(both)!r} and {len(both) - 1} more development objects are" if len(both) > 1 else ""
+    few = few or f"development object {min(both, default='')!r} is"
+    text = "also learned from, so the checkpoint is not chosen by objects that the policy has never seen"
+    return [f"note: {few} {text}"] if both else []
 
 
 class SetSource:
