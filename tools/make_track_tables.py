@@ -149,7 +149,7 @@ def main(arguments: list[str]) -> int:
         known = read_all(options.work, options.page)
         missing = [one for one in policies if one in again or one not in known]
         if not missing:
-            print("nothing to do: the table has these rows; --again makes them anew", flush=True)
+            print("nothing to train or to measure: these rows are known; --again makes them anew", flush=True)
         failed = run_all(missing, options)
         write_table(options.work, options.page, again)
     except ArtiSkillError as error:
