@@ -102,7 +102,9 @@ def test_seeds_are_averaged_and_nothing_is_done_twice(
     assert run(tmp_path, *options) == 0
     shutil.rmtree(tmp_path / "work")  # the CSV file knows
     assert run(tmp_path, *options) == 0
-    assert "nothing to train or to measure: these rows are known; --again makes them anew" in capsys.readouterr().out
+    assert (
+        "nothing to train or to measure: these rows are known; --again makes them anew" in capsys.readouterr().out
+    )
     assert commands == []
     assert (tmp_path / "page.md").read_text().splitlines() == rows
     assert (tmp_path / "data" / "tracks.csv").read_text().splitlines() == table

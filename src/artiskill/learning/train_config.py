@@ -300,8 +300,6 @@ def _refusal(reason: str) -> str:
 def _resolved(config: TrainConfig) -> TrainConfig:
     """Return the same with all values of the algorithm, checked."""
     values = to_mapping(algorithm_config(config))
-    if "expert" in values:
-        values["expert"] = merge_overrides(
-            {}, values["expert"]
-        )  # dotted keys, as those of a version before, nested
+    if "expert" in values:  # its dotted keys, those of runs of a version before, too, nested
+        values["expert"] = merge_overrides({}, values["expert"])
     return replace(config, algorithm=values)
