@@ -135,5 +135,7 @@ def test_damaged_runs(run: Path, tmp_path: Path) -> None:
 
 
 def test_an_observation_of_another_robot(run: Path) -> None:
-    with pytest.raises(PolicyError, match="were expected"):
+    with pytest.raises(PolicyError, match="learned OpenCabinetDrawer, with a cabinet; PushChair has a chair"):
         evaluate("PushChair", run, ["chair-0001"], 1, config=SHORT)
+    with pytest.raises(PolicyError, match="were expected"):  # what is no file says nothing of its task
+        evaluate("PushChair", RunPolicy(run), ["chair-0001"], 1, config=SHORT)

@@ -126,7 +126,7 @@ def pretrained_file(task: str) -> Path:
 def load_policy(task: str) -> "ArrayPolicy":
     """Return the policy that comes with the package for a task; it sees point clouds and needs no torch.
 
-    It acts on thinned clouds, which its environment has to give:
+    It acts on thinned clouds, which its environment has to give::
 
         policy = load_policy("PushChair")
         env = gym.make("ArtiSkill/PushChair-v0", obs_mode=policy.obs_mode, control_mode=policy.control_mode)
