@@ -38,7 +38,7 @@ from artiskill.learning.train import RolloutData, train
 from artiskill.learning.train_config import algorithm_config, load_train_config
 from artiskill.robots.config import load_robot
 from artiskill.robots.kinematics import RobotKinematics
-from artiskill.tasks.registry import make_task
+from artiskill.tasks.registry import make_task, task_spec
 
 TASK = "OpenCabinetDrawer"
 AGENT = {1: 38, 2: 68}
@@ -333,6 +333,13 @@ def test_notes_say_that_nobody_but_the_expert_acts_and_that_no_object_is_new(tmp
         )
     assert "note: the expert acts in all rounds, so this is behaviour cloning" in lines
     assert lines[-1].startswith("note: development object 'cabinet-0007' is also learned from")
+
+
+def test_values_of_a_teaching_expert_are_for_no_other_expert(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A task of one's own may have chairs, and an expert that knows nothing of seats."""
+    other = dataclasses.replace(task_spec("PushChair"), expert=task_spec("MoveBucket").expert)
+    monkeypatch.setattr("artiskill.learning.train_config.task_spec", lambda name: other)
+    assert load_train_config("dagger", "PushChair").algorithm["expert"] == {}
 
 
 def test_a_run_has_rounds_and_says_what_came_of_them(whole: Path) -> None:
