@@ -130,9 +130,8 @@ def closest(given: object, legal: Iterable[str], cutoff: float = 0.6) -> str | N
     if not isinstance(given, str) or len(given) > _MOST_COMPARED:
         return None
     legal = list(legal)
-    is_word = given[:1].isalpha()  # no option
-    longer = [name for name in legal if is_word and name.startswith(f"{given}-")]
-    if longer:
+    longer = [name for name in legal if name.startswith(f"{given}-")]
+    if longer and given[:1].isalpha():  # a command's first word, no option
         return min(longer, key=len)
     return next(iter(difflib.get_close_matches(given, legal, n=1, cutoff=cutoff)), None)
 

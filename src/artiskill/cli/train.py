@@ -208,14 +208,14 @@ def _rollout_overrides(arguments: argparse.Namespace, others: dict[str, Any]) ->
     if arguments.samples is not None:
         if arguments.samples < 1:
             raise UsageError(f"--samples must be at least 1, not {arguments.samples}")
+        from artiskill.learning.dagger import fitting_steps  # it needs torch
+
         plain = load_train_config(arguments.algorithm, arguments.task, arguments.network, others)
         values = plain.algorithm
         size = values["collectors"] * values["envs"] * values["rollout_steps"]
         rounds = -(-arguments.samples // size)
         steps = max(1, _PASSES * rounds * size // plain.batch_size)
-        of_round = -(-steps // rounds)
-        has_all = steps > (rounds - 1) * of_round  # the last round begins before the last step
-        given |= {"algorithm.rounds": rounds, "steps": steps if has_all else rounds * of_round}
+        given |= {"algorithm.rounds": rounds, "steps": fitting_steps(steps, rounds)}
     return {key: value for key, value in given.items() if value is not None}
 
 

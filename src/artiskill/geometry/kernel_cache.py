@@ -258,11 +258,10 @@ def _announce_once(seconds: float, folder: Path | None) -> None:
     if _announced or (folder is not None and not _is_first(folder)):
         return
     _announced = True
-    kept = f"once: kept in {folder}; `artiskill warm` does it ahead"
-    kept = "again each time: no cache can be written" if folder is None else kept
-    sys.stderr.write(
-        f"artiskill: compiling kernels for this processor, about {seconds:.0f} s for the first ({kept})\n"
-    )
+    again = "again each time: no cache can be written"
+    how_often = again if folder is None else f"once: kept in {folder}; `artiskill warm` does it ahead"
+    line = f"artiskill: compiling kernels for this processor, about {seconds:.0f} s for the first ({how_often})"
+    sys.stderr.write(f"{line}\n")
     sys.stderr.flush()
 
 

@@ -115,11 +115,12 @@ def pretrained_file(task: str) -> Path:
     path = _PACKAGED / f"{task}{SUFFIX}"
     if not path.is_file():
         names = sorted(one.stem for one in _PACKAGED.glob(f"*{SUFFIX}"))
-        near = closest(task, names)
-        hint = f"; did you mean {near!r}?" if near else ""
-        hint = f"; ArrayPolicy({str(task)!r}) loads a file" if Path(str(task)).suffix == SUFFIX else hint
-        have = ", ".join(names) or "none"
-        raise PolicyError(f"no trained policy comes with the package for {task}; for {have} one does{hint}")
+        text = f"no trained policy comes with the package for {task}; for {', '.join(names) or 'none'} one does"
+        if str(task).endswith(SUFFIX):
+            text += f"; ArrayPolicy({str(task)!r}) loads a file"
+        elif near := closest(task, names):
+            text += f"; did you mean {near!r}?"
+        raise PolicyError(text)
     return path
 
 

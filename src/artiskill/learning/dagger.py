@@ -53,11 +53,17 @@ class DAggerConfig(CommandLearnerConfig):
         Raises:
             ConfigError: not all rounds would begin.
         """
-        found = -(-steps // self.rounds)
-        begun = -(-steps // found)
-        text = f"{steps} steps have room for {begun} rounds of {found}, not for algorithm.rounds={self.rounds}"
-        check(begun == self.rounds, f"{text}; {found * self.rounds} have")
+        found, fitting = -(-steps // self.rounds), fitting_steps(steps, self.rounds)
+        text = f"{steps} steps have room for {-(-steps // found)} rounds of {found}, not for algorithm.rounds"
+        check(fitting == steps, f"{text}={self.rounds}; {fitting} have")
         return found
+
+
+def fitting_steps(steps: int, rounds: int) -> int:
+    """Return so many steps of training, or as many as whole rounds take if not all would begin in them."""
+    of_round = -(-steps // rounds)
+    last_begins = (rounds - 1) * of_round
+    return steps if steps > last_begins else rounds * of_round
 
 
 class DAgger(CommandLearner):

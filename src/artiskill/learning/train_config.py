@@ -168,10 +168,13 @@ def load_train_config(
     seen["origin"] = seen["body"] and spec.category in _AT_ORIGIN
     if name in INTERACTIVE:
         own = merge_overrides({"algorithm": {"objects": None, "expert": None}}, overrides or {})["algorithm"]
-        if isinstance(own, dict) and own["objects"] is not None:
-            values["algorithm"]["generated_share"] = None  # the task's is of the objects that it has by default
-        if isinstance(own, dict) and own["expert"] == {}:
-            values["algorithm"]["expert"] = {}  # no other values than those that it acts with
+        if isinstance(own, dict):  # else refused below
+            if own["objects"] is not None:
+                values["algorithm"]["generated_share"] = (
+                    None  # the task's is of the objects that it has by default
+                )
+            if own["expert"] == {}:
+                values["algorithm"]["expert"] = {}  # no other values than those that it acts with
         _fill_rollouts(values["algorithm"], task, spec.category)
     config = from_layers(TrainConfig, lambda given: merge_overrides(values, given), overrides, f"{name}.yaml")
     return _resolved(config)

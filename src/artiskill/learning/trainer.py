@@ -308,11 +308,12 @@ def describe_run(trainer: Trainer, source: Source) -> list[str]:
 
 def _development_notes(trainer: Trainer) -> list[str]:
     """Return a line if objects that are learned from choose the checkpoint."""
-    both = set(map(object_id_of, check_development(trainer.config))) & set(trainer.info.objects)
-    few = f"{min(both)!r} and {len(both) - 1} more development objects are" if len(both) > 1 else ""
-    few = few or f"development object {min(both, default='')!r} is"
-    text = "also learned from, so the checkpoint is not chosen by objects that the policy has never seen"
-    return [f"note: {few} {text}"] if both else []
+    both = sorted({*map(object_id_of, check_development(trainer.config))} & {*trainer.info.objects})
+    if not both:
+        return []
+    more = f", as are {len(both) - 1} others" if len(both) > 1 else ""
+    text = "so the checkpoint is not chosen by objects that the policy has never seen"
+    return [f"note: development object {both[0]!r} is also learned from{more}, {text}"]
 
 
 class SetSource:
