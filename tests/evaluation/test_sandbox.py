@@ -19,6 +19,7 @@ from artiskill.evaluation.report import REPORT_JSON, write_report
 from artiskill.evaluation.sandbox import BUBBLEWRAP, LANDLOCK, LIMITS, NONE, SANDBOXES, SandboxConfig
 from artiskill.evaluation.solution import FileSolution
 from artiskill.evaluation.verify import verify_policy, verify_report
+from artiskill.sensors.observations.sampling import cell_of
 
 Write = Callable[[str], Path]
 INFO = {"object": "cabinet-0005", "level": 4, "target": "link_1"}
@@ -140,6 +141,26 @@ def test_a_confined_solution_has_what_it_needs(solution: Write, kind: str) -> No
     np.save(path.with_name("weights.npy"), np.arange(4.0))
     path.with_name("beside.py").write_text("VALUE = 0.5\n")
     assert first_action(path, SandboxConfig(kind)) == [6.5]
+
+
+COMPILED = """
+from numba.core import event
+from artiskill.sensors.observations.sampling import cell_of
+compiled = []
+class Listener(event.Listener):
+    def on_start(self, e): compiled.append(e.data["dispatcher"].py_func.__name__)
+    def on_end(self, e): pass
+event.register("numba:compile", Listener())
+def policy(observation):
+    return [cell_of(1.0, 0.5), len(compiled)]
+"""
+
+
+@pytest.mark.parametrize("kind", [BUBBLEWRAP, LANDLOCK, LIMITS])
+def test_a_confined_solution_reads_kernels_that_are_compiled(solution: Write, kind: str) -> None:
+    need(kind)
+    assert cell_of(1.0, 0.5) == 2, "which compiles it, unless that is done"
+    assert first_action(solution(COMPILED), SandboxConfig(kind), 2) == [2.0, 0.0]
 
 
 @pytest.mark.parametrize("kind", [BUBBLEWRAP, LANDLOCK])

@@ -27,6 +27,7 @@ from artiskill.errors import ConfigError, UnknownNameError
 from artiskill.evaluation import sandbox_process, solution_process
 from artiskill.evaluation.sandbox_process import FILES, MEMORY, NETWORK, OPEN, PRIVILEGES, PROCESSES
 from artiskill.files import parse_json, temporary_folder
+from artiskill.geometry.kernel_cache import TOLD, kernel_folder
 
 BUBBLEWRAP, LANDLOCK, LIMITS, NONE = "bubblewrap", "landlock", "limits", "none"
 SANDBOXES = (BUBBLEWRAP, LANDLOCK, LIMITS, NONE)  # the best first
@@ -310,6 +311,8 @@ class _Place:
         here = os.path.realpath(os.getcwd())
         self._path = paths if kind == NONE else [path for path in paths if os.path.realpath(path) != here]
         self._own = file if _is_wide(own) else own
+        kernels = kernel_folder()
+        self._kernels = os.path.realpath(kernels) if kernels else ""  # it reads them, and writes nothing there
         if kind == BUBBLEWRAP and shutil.which("bwrap") is None:
             raise SandboxError("bwrap is not on the path; a system's package `bubblewrap` has it")
         if self._is_confined and not sys.platform.startswith("linux"):
@@ -333,6 +336,7 @@ class _Place:
             "USER": "solution",
             "LOGNAME": "solution",
             "PYTHONDONTWRITEBYTECODE": "1",
+            TOLD: self._kernels,
         }
         return {"PYTHONHASHSEED": "0"} | kept | own
 
@@ -360,6 +364,7 @@ class _Place:
         prefixes = [sys.prefix, sys.base_prefix, sys.exec_prefix, sys.base_exec_prefix]
         found = [path for path in (*prefixes, *self._path) if not _is_wide(path)]
         found += [*_links(sys.executable), *programs, self._own, *map(os.path.abspath, self._config.readable)]
+        found += [self._kernels] if self._kernels else []
         both = {path for one in found for path in (one, os.path.realpath(one)) if os.path.exists(path)}
         return [path for path in sorted(both) if not any(_is_inside(path, other) for other in both - {path})]
 

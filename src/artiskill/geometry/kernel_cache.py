@@ -32,6 +32,8 @@ _PACKAGE = Path(__file__).parents[1]
 # what a source of compiled code contains
 _KINDS = (b"@kernel", b"@inlined_kernel", b"@structure_kernel", b"@allocating_kernel")
 _MARKERS = (*_KINDS, b"@intrinsic", b"_SubroutineLowering")
+# names the folder that a process is told to read: it has another home, or may not write to this one
+TOLD = "ARTISKILL_KERNELS"
 # folders of other states of the sources that are kept: of other environments, other branches
 _OTHERS_KEPT = 7
 # a process that compiles for longer than this was stopped, or its machine is: others stop waiting
@@ -58,7 +60,7 @@ def keep_compiled(kernel: Any) -> None:
         return
     folder = kernel_folder()
     compile_now = kernel.compile
-    if folder is None:
+    if _folder_to_read() is None:
 
         def compile_once(signature: Any) -> Any:
             with _compiling(kernel, None):
@@ -80,15 +82,16 @@ def kernel_folder() -> Path | None:
     """Return the folder of compiled kernels, made if need be; None where nothing can be written.
 
     It lies in the first that can be written to of `$NUMBA_CACHE_DIR`, `$XDG_CACHE_HOME/artiskill` or
-    `~/.cache/artiskill`, and the package's own `__pycache__`.
+    `~/.cache/artiskill`, and the package's own `__pycache__`. A process that is told a folder (`TOLD`) tries that
+    first.
     """
     digest = sources_digest(_PACKAGE)
     home = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))
     roots = [home / "artiskill", _PACKAGE / "__pycache__"]
     if numba.config.CACHE_DIR:
         roots.insert(0, Path(numba.config.CACHE_DIR))
-    for root in roots:
-        folder = root / "kernels" / digest
+    told = _told_folder(digest)
+    for folder in [*([told] if told else []), *(root / "kernels" / digest for root in roots)]:
         with contextlib.suppress(OSError):
             if not folder.is_dir():
                 folder.mkdir(parents=True, exist_ok=True)
@@ -97,6 +100,18 @@ def kernel_folder() -> Path | None:
             os.utime(folder)
             return folder
     return None
+
+
+def _told_folder(digest: str) -> Path | None:
+    """Return the folder that this process is told, if it is of these sources."""
+    told = Path(os.environ.get(TOLD, ""))
+    return told if told.name == digest and told.is_dir() else None
+
+
+@functools.cache
+def _folder_to_read() -> Path | None:
+    """Return the folder that compiled kernels are read from, also where nothing can be written."""
+    return kernel_folder() or _told_folder(sources_digest(_PACKAGE))
 
 
 def has_compiled(module: str) -> bool:
@@ -138,7 +153,7 @@ class _Locator:
         Path(self.get_cache_path()).mkdir(parents=True, exist_ok=True)
 
     def get_cache_path(self) -> str:
-        return str(kernel_folder())
+        return str(_folder_to_read())
 
     def get_source_stamp(self) -> str:
         return ""  # the folder's name says it
@@ -259,6 +274,8 @@ def _announce_once(seconds: float, folder: Path | None) -> None:
         return
     _announced = True
     again = "again each time: no cache can be written"
+    if _folder_to_read() is not None:
+        again = "again each time: this process may keep none; `artiskill warm` keeps them"
     how_often = again if folder is None else f"once: kept in {folder}; `artiskill warm` does it ahead"
     line = f"artiskill: compiling kernels for this processor, about {seconds:.0f} s for the first ({how_often})"
     sys.stderr.write(f"{line}\n")
