@@ -330,14 +330,8 @@ class _Place:
             return {"PYTHONHASHSEED": "0"} | os.environ
         kept = {name: value for name, value in os.environ.items() if _KEPT_VARIABLES.fullmatch(name)}
         home = "/tmp" if self._kind == BUBBLEWRAP else temporary
-        own = {
-            "HOME": home,
-            "TMPDIR": home,
-            "USER": "solution",
-            "LOGNAME": "solution",
-            "PYTHONDONTWRITEBYTECODE": "1",
-            TOLD: self._kernels,
-        }
+        own = {"HOME": home, "TMPDIR": home, "USER": "solution", "LOGNAME": "solution"}
+        own |= {"PYTHONDONTWRITEBYTECODE": "1", TOLD: self._kernels}
         return {"PYTHONHASHSEED": "0"} | kept | own
 
     def spec(self, temporary: str) -> dict[str, Any]:
