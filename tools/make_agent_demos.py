@@ -23,7 +23,7 @@ from artiskill.gallery.facts import markdown
 from artiskill.jobs.parallel import available_cores
 from learning_tables import commands
 from learning_tables.commands import in_pool
-from learning_tables.markdown import write_between
+from learning_tables.markdown import read_marked, write_between
 from learning_tables.results import read_cost, read_measured, read_rows, write_rows
 from make_rl_tables import ALGORITHMS, MANY_TASK, ONE, PAGE, WITH_EXPERT, Policy, trained_on
 
@@ -49,6 +49,7 @@ def main(arguments: list[str]) -> int:
             f"the table has agents of whom {', '.join(sorted(asked))} demonstrations were asked, not "
             f"{options.per_object}: name another --page and --work",
         )
+        read_marked(options.page, BEGIN, END)  # it will be written after hours
         first = sorted(trained_on(MANY_TASK))[: options.objects]
         agents = [Policy(ONE, MANY_TASK, (name,), target, options.algorithm, 0) for name, target, _ in first]
         succeeded = in_pool(lambda agent: run(agent, options), agents, options.jobs)

@@ -36,7 +36,7 @@ from learning_tables.cells import (
     place_of,
 )
 from learning_tables.estimates import Estimator
-from learning_tables.markdown import tables_text, write_between
+from learning_tables.markdown import read_marked, tables_text, write_between
 from learning_tables.queue import CommandError, Queue, locked
 from learning_tables.results import (
     CSV_HEAD,
@@ -87,6 +87,7 @@ def main(arguments: list[str]) -> int:
         if options.list:
             print_list(cells, settings, options, resources)
             return 0
+        read_marked(options.page, BEGIN, END)  # it will be written after hours
         with locked(options.work) as lock:
             tables = {cell.table for cell in cells}
             settings = keep_settings(settings, kept, tables, options.work, data)

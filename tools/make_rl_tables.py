@@ -23,7 +23,7 @@ from learning_tables import curves
 from learning_tables.cells import TASKS
 from learning_tables.commands import finish, in_pool
 from learning_tables.curves import POLICY
-from learning_tables.markdown import write_between
+from learning_tables.markdown import read_marked, write_between
 from learning_tables.results import read_cost, read_measured, read_rows, write_rows
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -92,6 +92,7 @@ def main(arguments: list[str]) -> int:
     options = make_parser().parse_args(arguments)
     try:
         policies = list(wanted(options))
+        read_marked(options.page, BEGIN, END)  # it will be written after hours
         succeeded = in_pool(lambda one: run(one, options.work), policies, options.jobs)
         write_tables(policies, options.work, options.page)
     except ArtiSkillError as error:

@@ -92,6 +92,15 @@ def test_what_is_finished_is_not_run_again(tmp_path: Path, commands: list[list[s
     assert "cabinet-0002" in (tmp_path / "page.md").read_text()  # from the CSV file
 
 
+def test_a_page_without_marks(
+    tmp_path: Path, commands: list[list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "page.md").write_text("nothing")
+    assert run(tmp_path) == 2
+    assert "lacks the marks" in capsys.readouterr().err
+    assert commands == []
+
+
 @pytest.mark.parametrize("failing", ["verify", "stats", "collect"])
 def test_what_fails_is_in_no_table(
     tmp_path: Path, commands: list[list[str]], monkeypatch: pytest.MonkeyPatch, failing: str

@@ -193,6 +193,11 @@ def test_cells_of_other_settings_are_not_mixed(
     called()
     assert main("--episodes", "50") == 2
     assert "episodes 100, not 50: choose another --work" in capsys.readouterr().err
+
+
+def test_a_page_without_marks(
+    page: Path, main: Callable[..., int], called: Callable[[], list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
     page.write_text("no marks")
     assert main() == 2
     assert "lacks the marks" in capsys.readouterr().err

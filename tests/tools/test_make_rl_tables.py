@@ -72,6 +72,15 @@ def test_finished_runs_stay_in_the_tables(tmp_path: Path, commands: list[list[st
     assert "| 5 | the paper's | sac | 50% | 50% | 82 % | 2 | 10 |" in _page(tmp_path)
 
 
+def test_a_page_without_marks(
+    tmp_path: Path, commands: list[list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "page.md").write_text("nothing")
+    assert run(tmp_path) == 2
+    assert "lacks the marks" in capsys.readouterr().err
+    assert commands == []
+
+
 def test_runs_that_an_expert_helps_have_rows_of_their_own(tmp_path: Path, commands: list[list[str]]) -> None:
     asked = ("--tables", "one", "--tasks", "OpenCabinetDoor", "--seeds", "0")
     assert run(tmp_path, *asked) == 0
