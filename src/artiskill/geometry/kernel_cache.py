@@ -85,12 +85,12 @@ def kernel_folder() -> Path | None:
     `~/.cache/artiskill`, and the package's own `__pycache__`. A process that is told a folder (`TOLD`) tries that
     first.
     """
-    digest = sources_digest(_PACKAGE)
+    digest = _own_digest()
     home = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))
     roots = [home / "artiskill", _PACKAGE / "__pycache__"]
     if numba.config.CACHE_DIR:
         roots.insert(0, Path(numba.config.CACHE_DIR))
-    told = _told_folder(digest)
+    told = _told_folder()
     for folder in [*([told] if told else []), *(root / "kernels" / digest for root in roots)]:
         with contextlib.suppress(OSError):
             if not folder.is_dir():
@@ -102,16 +102,21 @@ def kernel_folder() -> Path | None:
     return None
 
 
-def _told_folder(digest: str) -> Path | None:
+@functools.cache
+def _own_digest() -> str:
+    return sources_digest(_PACKAGE)
+
+
+def _told_folder() -> Path | None:
     """Return the folder that this process is told, if it is of these sources."""
     told = Path(os.environ.get(TOLD, ""))
-    return told if told.name == digest and told.is_dir() else None
+    return told if told.name == _own_digest() and told.is_dir() else None
 
 
 @functools.cache
 def _folder_to_read() -> Path | None:
     """Return the folder that compiled kernels are read from, also where nothing can be written."""
-    return kernel_folder() or _told_folder(sources_digest(_PACKAGE))
+    return kernel_folder() or _told_folder()
 
 
 def has_compiled(module: str) -> bool:

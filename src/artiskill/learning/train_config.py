@@ -169,10 +169,8 @@ def load_train_config(
     if name in INTERACTIVE:
         own = merge_overrides({"algorithm": {"objects": None, "expert": None}}, overrides or {})["algorithm"]
         if isinstance(own, dict):  # else refused below
-            if own["objects"] is not None:
-                values["algorithm"]["generated_share"] = (
-                    None  # the task's is of the objects that it has by default
-                )
+            if own["objects"] is not None:  # the task's share is of the objects that it has by default
+                values["algorithm"]["generated_share"] = None
             if own["expert"] == {}:
                 values["algorithm"]["expert"] = {}  # no other values than those that it acts with
         _fill_rollouts(values["algorithm"], task, spec.category)
