@@ -9,7 +9,7 @@ import pytest
 from artiskill.assets.catalog import list_objects
 
 LEVELS = {"OpenCabinetDrawer": 2, "OpenCabinetDoor": 2, "PushChair": 5, "MoveBucket": 5}  # enough for a rate
-LEAST, LEAST_OF_ONE = 0.95, 0.90  # of both kinds of beginners, and of each: docs/experts.md has the rates
+LEAST = 0.95
 
 
 @pytest.fixture(scope="module")
@@ -24,21 +24,12 @@ def tool(root: Path) -> ModuleType:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("beginner", ["student", "noise"])
 @pytest.mark.parametrize("task", LEVELS)
-def test_an_expert_takes_over(tool: ModuleType, task: str) -> None:
-    """Levels of every training target, after a poor student and after noise."""
-    objects = list_objects(split="train", task=task)
-    played = {
-        beginner: [
-            one
-            for one in tool.outcomes(task, objects, beginner, range(LEVELS[task]))
-            if one.solved or not one.lost
-        ]
-        for beginner in ("student", "noise")
-    }
-    for beginner, episodes in played.items():
-        failed = [(one.object, one.target, one.level) for one in episodes if not one.solved]
-        assert len(failed) <= (1 - LEAST_OF_ONE) * len(episodes), (beginner, failed)
-    both = [one for episodes in played.values() for one in episodes]
-    solved = sum(one.solved for one in both)
-    assert solved >= LEAST * len(both), f"{solved} of {len(both)}"
+def test_an_expert_takes_over(tool: ModuleType, task: str, beginner: str) -> None:
+    """Levels of every training target; docs/experts.md has more, and which rate does not hold yet."""
+    levels = range(LEVELS[task])
+    played = list(tool.outcomes(task, list_objects(split="train", task=task), beginner, levels))
+    played = [one for one in played if one.solved or not one.lost]
+    failed = [(one.object, one.target, one.level) for one in played if not one.solved]
+    assert len(failed) <= (1 - LEAST) * len(played), failed

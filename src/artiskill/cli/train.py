@@ -67,7 +67,7 @@ def add_commands(commands: Any) -> None:
     add("--objects", nargs="+", metavar="OBJECT", help=rollouts)
     add("--target", metavar="LINK", help="sac, ppo: open only this one (default: each episode draws one)")
     add("--envs", type=int, help="sac, ppo: environments side by side (default: 16)")
-    samples = "dagger: steps of rollouts, in whole rounds, and 7 passes over them (drawers 96000, else 192000)"
+    samples = "dagger: steps of rollouts, whole rounds; 7 passes over them (default: drawers 96000, else 192000)"
     add("--samples", type=int, help=samples)
     batches = "samples of a step (default: bc, dagger: 128; bcq, td3bc, command_bc: 64; sac: 128; ppo: 256)"
     add("--batch-size", type=int, help=batches)
