@@ -102,6 +102,28 @@ def test_it_goes_to_the_side_that_it_prefers(env: ManipulationEnv, config: MoveB
     assert turns.sum() > 0.5
 
 
+def test_palms_are_beside_the_platform_too(config: MoveBucketExpertConfig) -> None:
+    """Of a bucket that somebody left close to it; by its fingertips alone a hand would come to rest on it."""
+    env = ManipulationEnv("MoveBucket", objects="bucket-0007")
+    env.reset(seed=0)
+    moved, robot = env.snapshot.link_position_w.copy(), env.snapshot.robot_qpos.copy()
+    moved[0, :, :2] += np.array((0.0, 0.47)) - moved[0, 0, :2]
+    turn = env.snapshot.link_rotation_w[0, 0, :2, :2]
+
+    def nearest_palm_m(press_config: PressConfig, bearing_rad: float) -> float:
+        robot[0, :2] = moved[0, 0, :2] + 0.6 * np.array((np.sin(bearing_rad), np.cos(bearing_rad)))
+        snapshot = dataclasses.replace(env.snapshot, link_position_w=moved, robot_qpos=robot)
+        press = choose_press(snapshot, env.goal, press_config)
+        way = turn @ (np.cos(press.direction_rad), np.sin(press.direction_rad))
+        palms = moved[0, 0, :2] + np.outer((press.reach_m + 0.1) * (-1, 1), way)
+        return float(np.abs(palms).max(axis=1).min())
+
+    bearings = np.linspace(-0.6, 0.6, 13)
+    half_m, fingertips = config.press.platform_half_m, dataclasses.replace(config.press, hand_m=0.0)
+    assert min(nearest_palm_m(fingertips, bearing) for bearing in bearings) < half_m
+    assert min(nearest_palm_m(config.press, bearing) for bearing in bearings) >= half_m
+
+
 def test_the_share_decides_how_high_it_presses(env: ManipulationEnv, config: MoveBucketExpertConfig) -> None:
     def height(share: float) -> float:
         press = dataclasses.replace(config.press, share=share, height_weight=50.0)

@@ -337,7 +337,7 @@ def test_notes_say_that_nobody_but_the_expert_acts_and_that_no_object_is_new(tmp
 
 def test_values_of_a_teaching_expert_are_for_no_other_expert(monkeypatch: pytest.MonkeyPatch) -> None:
     """A task of one's own may have chairs, and an expert that knows nothing of seats."""
-    other = dataclasses.replace(task_spec("PushChair"), expert=task_spec("MoveBucket").expert)
+    other = dataclasses.replace(task_spec("PushChair"), expert="artiskill.experts.mpc:MPC")
     monkeypatch.setattr("artiskill.learning.train_config.task_spec", lambda name: other)
     assert load_train_config("dagger", "PushChair").algorithm["expert"] == {}
 
@@ -705,7 +705,7 @@ def test_each_task_has_the_values_of_the_policies_that_come_with_the_package(
     assert values["rounds"] * values["collectors"] * values["envs"] * values["rollout_steps"] == samples
     assert values["generated_share"] == share
     assert commanding_expert(make_task(task), values["expert"]).phases, "it takes its values"
-    assert bool(values["expert"]) == (task != "MoveBucket"), "and these are found"
+    assert values["expert"], "and these are found"
     plain = load_train_config("dagger", task, overrides={"algorithm.expert": {}}).algorithm["expert"]
     assert plain == {}, "the expert may teach as it acts"
     named = load_train_config("dagger", task, overrides={"algorithm.objects": ["train"]})

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from artiskill.config import check_inside, check_not_negative, check_positive, check_vector
+from artiskill.experts.clearances import Cylinder, base_too_near, clear_of_object, clear_of_robot
 from artiskill.experts.frames import cross, limited, ramp, rotation_error
 from artiskill.experts.walls import Press, Wall
 from artiskill.experts.whole_body import (
@@ -110,12 +111,14 @@ class Body:
         rotation: (3, 3) likewise.
         wall: what can be pressed of it.
         held: whether it is held already, 0 to 1, if the hands touch.
+        around: what hands keep clear of on their way home, as they do of the robot; None: they go straight.
     """
 
     position: np.ndarray
     rotation: np.ndarray
     wall: Wall
     held: float = 0.0
+    around: Cylinder | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +204,12 @@ class PressingHands:
         twists = np.concatenate((linear, self._turn(snapshot, view, body)), axis=1)
         trunk = self._trunk(snapshot, view, velocity)
         if view.astray > 0.0:
-            twists += view.astray * (self._home_twists(snapshot, trunk) - twists)
+            home = self._home_twists(snapshot, trunk)
+            if body.around is not None:
+                home[:, :3] = clear_of_object(snapshot, home[:, :3], body.around)
+            twists += view.astray * (home - twists)
+        if body.around is not None:
+            twists = clear_of_robot(snapshot, twists, lambda: self._twists_of(snapshot, trunk))
         return Command(
             phase=phase,
             twists=in_hand_axes(snapshot, twists),
@@ -241,7 +249,10 @@ class PressingHands:
         carry = touch * max(firm, body.held)
         turned = max(float(norm(error)) for error in view.errors)
         off = (1 - settled) * max(ramp(view.aside.max(), *_OFF_ASIDE_M), ramp(turned, *_OFF_RAD))
-        astray = (1 - settled) * self._astray(snapshot, view)
+        astray = self._astray(snapshot, view)
+        if body.around is not None:
+            astray = max(astray, base_too_near(snapshot, view.middle))
+        astray = (1 - settled) * astray
         return replace(view, settled=settled, off=off, touch=touch, carry=carry, astray=astray)
 
     def _astray(self, snapshot: Snapshot, view: View) -> float:
@@ -262,10 +273,16 @@ class PressingHands:
 
     def _home_twists(self, snapshot: Snapshot, trunk: np.ndarray) -> np.ndarray:
         """Return twists (2, 6) of hands whose arms go to their posture while the trunk moves as it likes."""
-        body = self.controller.whole_body
-        arms = self.config.posture_gain_s * (self.controller.arm_qpos_rad - body.qpos(snapshot)[TRUNK:])
+        qpos = self.controller.whole_body.qpos(snapshot)[TRUNK:]
+        arms = self.config.posture_gain_s * (self.controller.arm_qpos_rad - qpos)
         arms = np.clip(arms, -self.config.turn_speed_rad_s, self.config.turn_speed_rad_s)
-        found: np.ndarray = small_product(body.jacobian(snapshot), np.concatenate((trunk, arms))).reshape(_ARMS, 6)
+        return self._twists_of(snapshot, trunk, arms)
+
+    def _twists_of(self, snapshot: Snapshot, trunk: np.ndarray, arms: np.ndarray | None = None) -> np.ndarray:
+        """Return twists (2, 6) of the hands of a robot whose joints move so; arms rest unless given."""
+        jacobian = self.controller.whole_body.jacobian(snapshot)
+        arms = np.zeros(jacobian.shape[1] - TRUNK) if arms is None else arms
+        found: np.ndarray = small_product(jacobian, np.concatenate((trunk, arms))).reshape(_ARMS, 6)
         return found
 
     def _uneven(self, snapshot: Snapshot, body: Body, press: Press) -> float:
