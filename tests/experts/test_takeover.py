@@ -27,7 +27,7 @@ def tool(root: Path) -> ModuleType:
 @pytest.mark.parametrize("beginner", ["student", "noise"])
 @pytest.mark.parametrize("task", LEVELS)
 def test_an_expert_takes_over(tool: ModuleType, task: str, beginner: str) -> None:
-    """Levels of every training target; docs/experts.md has more, and which rate does not hold yet."""
+    """Levels of every training target; docs/experts.md has more."""
     levels = range(LEVELS[task])
     played = list(tool.outcomes(task, list_objects(split="train", task=task), beginner, levels))
     played = [one for one in played if one.solved or not one.lost]
