@@ -119,7 +119,7 @@ def test_palms_are_beside_the_platform_too(config: MoveBucketExpertConfig) -> No
         return float(np.abs(palms).max(axis=1).min())
 
     bearings = np.linspace(-0.6, 0.6, 13)
-    half_m, fingertips = config.press.platform_half_m, dataclasses.replace(config.press, hand_m=0.0)
+    half_m, fingertips = config.press.platform_half_m, dataclasses.replace(config.press, palm_m=0.0)
     assert min(nearest_palm_m(fingertips, bearing) for bearing in bearings) < half_m
     assert min(nearest_palm_m(config.press, bearing) for bearing in bearings) >= half_m
 

@@ -48,7 +48,7 @@ class PressConfig:
     bail_weight: float  # cost of a metre that is missing to the bail's clearance
     platform_weight: float  # cost of a metre by which a hand that is above the platform, or near it, is too low
     platform_half_m: float  # half the width of the square that counts as such
-    hand_m: float  # so far out from the place the hand counts as well
+    palm_m: float  # the palm is so far out from the place, and must not be above the platform either
     platform_clear_m: float  # height of a hand that is high enough
     platform_side_rad: float  # the robot stays beyond the bucket as seen from the platform, up to this far aside
 
@@ -57,7 +57,7 @@ class PressConfig:
         check_inside("share", self.share, (0, 1))
         check_not_negative(self, "least_height_m", "bail_clearance_m", "bail_band_m", "platform_side_rad")
         check_not_negative(self, "turn_weight", "side_weight", "width_weight", "height_weight", "bail_weight")
-        check_not_negative(self, "platform_weight", "platform_half_m", "hand_m", "platform_clear_m")
+        check_not_negative(self, "platform_weight", "platform_half_m", "palm_m", "platform_clear_m")
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class MoveBucketExpertConfig:
     inner_distance_m: float  # how far from the platform's middle, on the robot's side, it is held
     aside_m: float  # how far from there to the robot's left
     curve_rad_m: float  # it is carried this far aside of that place, per metre from it: in a curve
-    keeps_clear: bool  # a robot that is out of place keeps its hands clear of the bucket and of itself
+    keeps_clear: bool  # where it is out of place, its hands and base keep clear of the bucket, hands of the robot
     press: PressConfig  # where to press
     hands: PressingConfig  # how
 
@@ -117,7 +117,7 @@ class MoveBucketExpert:
             snapshot.link_rotation_w[0, 0],
             wall,
             held=ramp(position[2] + goal.box[0, 0, 2], *_LIFTED_M),
-            around=Cylinder(position, *goal.box[0, 1, ::2]) if self.config.keeps_clear else None,
+            around=_cylinder(position, goal) if self.config.keeps_clear else None,
         )
         view = self._hands.view(snapshot, body, lambda: choose_press(snapshot, goal, wall, self.config.press))
         phase = 0 if view.off > 0.3 else 1
@@ -134,6 +134,11 @@ class MoveBucketExpert:
         flat = flat * ramp(position[2], 0.6 * config.clear_m, 1.6 * config.clear_m)
         up = config.carry_gain_s * (config.rise_m - position[2])
         return np.array((*flat, min(max(up, -config.lift_speed_m_s), config.lift_speed_m_s)))
+
+
+def _cylinder(position_w: np.ndarray, goal: BucketGoal) -> Cylinder:
+    """Return a cylinder around a goal's bucket (B = 1)."""
+    return Cylinder(position_w, float(np.abs(goal.box[0, :, :2]).max()), float(goal.box[0, 1, 2]))
 
 
 def bucket_wall(goal: BucketGoal, spread_m: float) -> Wall:
@@ -186,14 +191,14 @@ def _missing_clearance(snapshot: Snapshot, goal: BucketGoal, wall: Wall, config:
 
 
 def _too_low(snapshot: Snapshot, wall: Wall, config: PressConfig) -> np.ndarray:
-    """Return by how much a place is too low for a hand, if the platform is beneath it, (Z, K)."""
+    """Return by how much a place is too low for a hand, if the platform is beneath it or its palm, (Z, K)."""
     turn, ways = snapshot.link_rotation_w[0, 0].T, np.zeros((len(wall.directions_rad), 3))
     ways[:, 0], ways[:, 1] = np.cos(wall.directions_rad), np.sin(wall.directions_rad)
     places = wall.reach_m[..., None] * ways  # (Z, K, 3)
     places[..., 2] = wall.heights_m[:, None]
     places = small_product(places, turn) + snapshot.link_position_w[0, 0]
-    hands = places[..., :2] + config.hand_m * small_product(ways, turn)[:, :2]
-    nearest = np.minimum(np.abs(places[..., :2]).max(axis=-1), np.abs(hands).max(axis=-1))
+    palms = places[..., :2] + config.palm_m * small_product(ways, turn)[:, :2]
+    nearest = np.minimum(np.abs(places[..., :2]).max(axis=-1), np.abs(palms).max(axis=-1))
     missing = np.maximum(config.platform_clear_m - places[..., 2], 0.0)
     low: np.ndarray = (nearest < config.platform_half_m) * missing
     return low

@@ -111,7 +111,7 @@ class Body:
         rotation: (3, 3) likewise.
         wall: what can be pressed of it.
         held: whether it is held already, 0 to 1, if the hands touch.
-        around: what hands keep clear of on their way home, as they do of the robot; None: they go straight.
+        around: what hands and base keep clear of; hands then keep clear of the robot, too. None: of neither.
     """
 
     position: np.ndarray
@@ -209,7 +209,8 @@ class PressingHands:
                 home[:, :3] = clear_of_object(snapshot, home[:, :3], body.around)
             twists += view.astray * (home - twists)
         if body.around is not None:
-            twists = clear_of_robot(snapshot, twists, lambda: self._twists_of(snapshot, trunk))
+            clear = clear_of_robot(snapshot, twists, lambda: self._twists_of(snapshot, trunk))
+            twists += (1 - view.settled) * (clear - twists)
         return Command(
             phase=phase,
             twists=in_hand_axes(snapshot, twists),
@@ -251,7 +252,7 @@ class PressingHands:
         off = (1 - settled) * max(ramp(view.aside.max(), *_OFF_ASIDE_M), ramp(turned, *_OFF_RAD))
         astray = self._astray(snapshot, view)
         if body.around is not None:
-            astray = max(astray, base_too_near(snapshot, view.middle))
+            astray = max(astray, base_too_near(snapshot, view.middle, self.config.hold_distance_m))
         astray = (1 - settled) * astray
         return replace(view, settled=settled, off=off, touch=touch, carry=carry, astray=astray)
 

@@ -66,7 +66,7 @@ _TEACHING: Mapping[str, dict[str, Any]] = {
         "seat": {"width_weight": 3.0},
         "hands": {"whole_body": {"base_damping": 0.5}, "lead_m_s": 0.4},
     },
-    "artiskill.experts.move_bucket:MoveBucketExpert": {"keeps_clear": False, "press": {"hand_m": 0.0}},
+    "artiskill.experts.move_bucket:MoveBucketExpert": {"keeps_clear": False, "press": {"palm_m": 0.0}},
 }
 _AT_ORIGIN = ("chair", "bucket")  # whose goal is the world's origin
 
