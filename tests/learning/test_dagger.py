@@ -337,7 +337,7 @@ def test_notes_say_that_nobody_but_the_expert_acts_and_that_no_object_is_new(tmp
 
 def test_values_of_a_teaching_expert_are_for_no_other_expert(monkeypatch: pytest.MonkeyPatch) -> None:
     """A task of one's own may have chairs, and an expert that knows nothing of seats."""
-    other = dataclasses.replace(task_spec("PushChair"), expert="artiskill.experts.mpc:MPC")
+    other = dataclasses.replace(task_spec("PushChair"), expert="my_package.chairs:MyExpert")
     monkeypatch.setattr("artiskill.learning.train_config.task_spec", lambda name: other)
     assert load_train_config("dagger", "PushChair").algorithm["expert"] == {}
 

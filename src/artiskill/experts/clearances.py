@@ -4,13 +4,13 @@ Hands that somebody left behind the robot's own column, on its base, or in the o
 first, and a base that is too near backs off. Where the robot is in order, none of this does anything.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from artiskill.experts.frames import ramp
+from artiskill.experts.whole_body import in_base_axes, in_world_axes
 from artiskill.geometry.arrays import norm, small_product
 from artiskill.sim.snapshot import Snapshot
 
@@ -79,19 +79,18 @@ def clear_of_robot(snapshot: Snapshot, twists: np.ndarray, carried: Callable[[],
 
     They come out as seen from the robot: `carried` returns the twists (2, 6) of hands that the trunk takes along.
     """
-    base_x, base_y, yaw = (float(value) for value in snapshot.robot_qpos[0, :3])
-    cos, sin = math.cos(yaw), math.sin(yaw)
     found = twists.copy()
     for arm, side in enumerate(_SIDES):
-        x, y, height = (float(value) for value in snapshot.tool_position_w[0, arm])
-        ahead = cos * (x - base_x) + sin * (y - base_y)
+        x, y, height = snapshot.tool_position_w[0, arm]
+        base_x, base_y = snapshot.robot_qpos[0, :2]
+        ahead, left, *_ = in_base_axes(snapshot, np.array((x - base_x, y - base_y, 0.0, 0.0))).tolist()
         if ahead >= _ON_BASE_M[0]:
             continue
-        beside = side * (cos * (y - base_y) - sin * (x - base_x))
-        behind = ramp(ahead, *_BEHIND_M) * ramp(beside, *_BESIDE_M)
+        behind = ramp(ahead, *_BEHIND_M) * ramp(side * left, *_BESIDE_M)
         if behind > 0.0:
-            out = carried()[arm, :3] + _FREE_M_S * side * np.array((-sin, cos, 0.0))
+            sideways = in_world_axes(snapshot, np.array((0.0, side * _FREE_M_S, 0.0, 0.0)))
+            out = carried()[arm, :3] + np.array((*sideways[:2], 0.0))
             found[arm, :3] += behind * (out - found[arm, :3])
-        low = ramp(ahead, *_ON_BASE_M) * ramp(abs(beside), *_BESIDE_M) * ramp(height, *_LOW_M)
+        low = ramp(ahead, *_ON_BASE_M) * ramp(abs(left), *_BESIDE_M) * ramp(float(height), *_LOW_M)
         found[arm, 2] += low * max(_RISE_M_S - float(found[arm, 2]), 0.0)
     return found

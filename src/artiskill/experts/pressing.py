@@ -209,7 +209,7 @@ class PressingHands:
                 home[:, :3] = clear_of_object(snapshot, home[:, :3], body.around)
             twists += view.astray * (home - twists)
         if body.around is not None:
-            clear = clear_of_robot(snapshot, twists, lambda: self._twists_of(snapshot, trunk))
+            clear = clear_of_robot(snapshot, twists, lambda: self._carried_twists(snapshot, trunk))
             twists += (1 - view.settled) * (clear - twists)
         return Command(
             phase=phase,
@@ -250,19 +250,20 @@ class PressingHands:
         carry = touch * max(firm, body.held)
         turned = max(float(norm(error)) for error in view.errors)
         off = (1 - settled) * max(ramp(view.aside.max(), *_OFF_ASIDE_M), ramp(turned, *_OFF_RAD))
-        astray = self._astray(snapshot, view)
-        if body.around is not None:
-            astray = max(astray, base_too_near(snapshot, view.middle, self.config.hold_distance_m))
-        astray = (1 - settled) * astray
+        astray = (1 - settled) * self._astray(snapshot, body, view)
         return replace(view, settled=settled, off=off, touch=touch, carry=carry, astray=astray)
 
-    def _astray(self, snapshot: Snapshot, view: View) -> float:
+    def _astray(self, snapshot: Snapshot, body: Body, view: View) -> float:
         """Return how far the robot is from where its hands can go in: its arms from their posture, or its base."""
         arms = self.controller.whole_body.qpos(snapshot)[TRUNK:] - self.controller.arm_qpos_rad
         farthest = float(norm(arms.reshape(_ARMS, -1)).max())
         base, yaw = self._base_error(snapshot, view, view.middle, 0.0)
-        away = float(norm(base))
-        return max(ramp(farthest, *_ASTRAY_ARM_RAD), ramp(abs(yaw), *_ASTRAY_YAW_RAD), ramp(away, *_ASTRAY_M))
+        away, near = float(norm(base)), 0.0
+        if body.around is not None:
+            near = base_too_near(snapshot, view.middle, self.config.hold_distance_m)
+        return max(
+            ramp(farthest, *_ASTRAY_ARM_RAD), ramp(abs(yaw), *_ASTRAY_YAW_RAD), ramp(away, *_ASTRAY_M), near
+        )
 
     def _base_error(
         self, snapshot: Snapshot, view: View, middle: np.ndarray, back_m: float
@@ -274,17 +275,15 @@ class PressingHands:
 
     def _home_twists(self, snapshot: Snapshot, trunk: np.ndarray) -> np.ndarray:
         """Return twists (2, 6) of hands whose arms go to their posture while the trunk moves as it likes."""
-        qpos = self.controller.whole_body.qpos(snapshot)[TRUNK:]
-        arms = self.config.posture_gain_s * (self.controller.arm_qpos_rad - qpos)
+        body = self.controller.whole_body
+        arms = self.config.posture_gain_s * (self.controller.arm_qpos_rad - body.qpos(snapshot)[TRUNK:])
         arms = np.clip(arms, -self.config.turn_speed_rad_s, self.config.turn_speed_rad_s)
-        return self._twists_of(snapshot, trunk, arms)
+        return body.twists_w(snapshot, np.concatenate((trunk, arms)))
 
-    def _twists_of(self, snapshot: Snapshot, trunk: np.ndarray, arms: np.ndarray | None = None) -> np.ndarray:
-        """Return twists (2, 6) of the hands of a robot whose joints move so; arms rest unless given."""
-        jacobian = self.controller.whole_body.jacobian(snapshot)
-        arms = np.zeros(jacobian.shape[1] - TRUNK) if arms is None else arms
-        found: np.ndarray = small_product(jacobian, np.concatenate((trunk, arms))).reshape(_ARMS, 6)
-        return found
+    def _carried_twists(self, snapshot: Snapshot, trunk: np.ndarray) -> np.ndarray:
+        """Return twists (2, 6) of hands whose arms rest while the trunk moves."""
+        arms = np.zeros_like(self.controller.arm_qpos_rad)
+        return self.controller.whole_body.twists_w(snapshot, np.concatenate((trunk, arms)))
 
     def _uneven(self, snapshot: Snapshot, body: Body, press: Press) -> float:
         """Return by how much the distances of a hand's fingertips from the wall differ, m; 0 if they may."""

@@ -226,6 +226,10 @@ class WholeBodyController:
         fingers = state.robot_qpos[0, self.finger_columns]
         return np.maximum(fingers - speed_m_s * state.step_s, 0.0)
 
+    def twists_w(self, state: RobotState, qvel: np.ndarray) -> np.ndarray:
+        """Return the twists (A, 6) of the hands, world frame, that joint velocities (n,) make."""
+        return small_product(self.jacobian(state), qvel).reshape(self._arms, 6)
+
     def jacobian(self, state: RobotState) -> np.ndarray:
         """Geometric Jacobian of the tools' centres, (6 A, n); of each, linear rows first."""
         found: np.ndarray = self.jacobians(state)[0]
@@ -296,7 +300,7 @@ class CommandController:
         """Return the twists (A, 6), in the hands' axes, of a robot that only followed its posture."""
         body = self.whole_body
         qvel = np.clip(self._posture_qvel(state, command), -body.max_speed, body.max_speed)
-        return in_hand_axes(state, small_product(body.jacobian(state), qvel).reshape(-1, 6))
+        return in_hand_axes(state, body.twists_w(state, qvel))
 
     @staticmethod
     def _twists_w(state: RobotState, command: Command) -> np.ndarray:
