@@ -4,21 +4,25 @@ For some steps, as many as the level draws from 0 to 120, another acts: `noise` 
 a constant lean; a `student` does what the expert would, but slowly, with a lean, and shaking. Then the expert has
 200 steps. Prints a table: solved, steps of the expert, and the targets that were solved least. An episode is lost
 before the expert begins where nobody could solve it: the object has fallen over, its ball is out, or the ways to
-the object and to its target are longer than the base drives in that time.
+the object and to its target are longer than the base drives in that time. With `--as-it-teaches`, the expert has
+the values that `dagger` asks it with.
 """
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from artiskill.assets.catalog import list_objects, load_object
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.errors import ArtiSkillError
-from artiskill.experts.registry import make_expert
 from artiskill.gallery.facts import markdown
+from artiskill.learning.commands import commanding_expert
+from artiskill.learning.train_config import teaching_values
 from artiskill.tasks.move_bucket import ball_depth_m
 
 MOST_STEPS, EXPERT_STEPS = 120, 200
@@ -26,6 +30,7 @@ BIAS, SHAKE, SHARE = 0.1, 0.3, 0.6  # of a student: its lean and noise in an act
 NOISE_BIAS, NOISE = 0.5, 0.5
 FALLEN_RAD = 0.6
 Beginner = Callable[[np.ndarray, np.ndarray, np.random.Generator], np.ndarray]
+NO_VALUES: Mapping[str, Any] = MappingProxyType({})
 
 
 def student(wanted: np.ndarray, lean: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -53,11 +58,13 @@ class Outcome:
     lost: bool
 
 
-def taken_over(env: ManipulationEnv, name: str, target: str, level: int, beginner: str) -> Outcome:
-    """Play one level; `env` has time for both."""
+def taken_over(
+    env: ManipulationEnv, name: str, target: str, level: int, beginner: str, values: Mapping[str, Any] = NO_VALUES
+) -> Outcome:
+    """Play one level; `env` has time for both, and `values` of the expert differ from its own."""
     env.reset(options={"object": name, "target": target, "level": level})
     rng = np.random.default_rng([level, list(BEGINNERS).index(beginner), *f"{name} {target}".encode()])
-    lean, expert = rng.normal(size=env.action_space.shape), make_expert(env.task.name, env.task.robot)
+    lean, expert = rng.normal(size=env.action_space.shape), commanding_expert(env.task, values)
     begins = 0 if beginner == "nobody" else int(rng.integers(0, MOST_STEPS + 1))
     expert.reset(env.snapshot, env.goal)
     solved, lost = False, False
@@ -87,13 +94,15 @@ def is_lost(env: ManipulationEnv) -> bool:
     return bool(way > EXPERT_STEPS * now.step_s * env.task.robot.actions.base_velocity_m_s)
 
 
-def outcomes(task: str, objects: list[str], beginner: str, levels: range) -> Iterator[Outcome]:
+def outcomes(
+    task: str, objects: list[str], beginner: str, levels: range, values: Mapping[str, Any] = NO_VALUES
+) -> Iterator[Outcome]:
     """Play levels of every target of some objects."""
     for name in objects:
         env = ManipulationEnv(task, name, config={"episode_steps": MOST_STEPS + EXPERT_STEPS})
         for target in env.task.targets(load_object(name)):
             for level in levels:
-                outcome = taken_over(env, name, target, level, beginner)
+                outcome = taken_over(env, name, target, level, beginner, values)
                 if outcome.steps:  # else another solved it before the expert's turn
                     yield outcome
 
@@ -123,8 +132,9 @@ def measure(options: argparse.Namespace) -> list[list[str]]:
     levels, rows = range(options.from_level, options.from_level + options.levels), []
     for task in options.tasks:
         objects = list_objects(split=options.objects, task=task)
+        values = teaching_values(task) if options.as_it_teaches else NO_VALUES
         for beginner in options.beginners:
-            played = list(outcomes(task, objects, beginner, levels))
+            played = list(outcomes(task, objects, beginner, levels, values))
             rows.append(row(task, beginner, played))
             for one in played:
                 if not one.solved:
@@ -144,6 +154,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--levels", type=int, default=2, help="of each target (default: %(default)s)")
     parser.add_argument("--from-level", type=int, default=1000, help="the first one (default: %(default)s)")
     parser.add_argument("--beginners", nargs="+", choices=BEGINNERS, default=list(BEGINNERS))
+    parser.add_argument("--as-it-teaches", action="store_true", help="not with the values that it acts with")
     options = parser.parse_args(arguments)
     try:
         rows = measure(options)

@@ -8,7 +8,7 @@ import pytest
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.experts.clearances import Cylinder, base_too_near, clear_of_object, clear_of_robot
 from artiskill.experts.move_bucket import MoveBucketExpert, MoveBucketExpertConfig
-from artiskill.learning.train_config import _TEACHING
+from artiskill.learning.train_config import teaching_values
 from artiskill.sim.snapshot import Snapshot
 
 BUCKET = Cylinder(np.array((1.0, 2.0, 0.0)), 0.2, 0.3)
@@ -103,8 +103,7 @@ def test_a_base_may_be_too_near(start: Snapshot, distance_m: float, share: float
 
 def as_it_teaches(expert: MoveBucketExpert) -> MoveBucketExpertConfig:
     """Return the expert's configuration without what this chapter is about, as `dagger` has it."""
-    teaching = _TEACHING["artiskill.experts.move_bucket:MoveBucketExpert"]
-    assert teaching == {"keeps_clear": False, "press": {"palm_m": 0.0}}
+    assert teaching_values("MoveBucket") == {"keeps_clear": False, "press": {"palm_m": 0.0}}
     press = dataclasses.replace(expert.config.press, palm_m=0.0)
     return dataclasses.replace(expert.config, keeps_clear=False, press=press)
 

@@ -180,6 +180,15 @@ def load_train_config(
     return _resolved(config)
 
 
+def teaching_values(task: str) -> dict[str, Any]:
+    """Return the values of a task's expert that differ from its own where it teaches, see docs/experts.md.
+
+    Raises:
+        UnknownNameError: there is no such task.
+    """
+    return dict(_TEACHING.get(task_spec(task).expert or "", {}))
+
+
 def file_values(names: Iterable[str], task: str) -> dict[str, Any]:
     """Return the values of the package's files, each laid over those before, then what they say of a task."""
     files = [load_yaml(_FOLDER / f"{name}.yaml") for name in names]
@@ -287,7 +296,7 @@ def _fill_rollouts(algorithm: dict[str, Any], task: str, category: str) -> None:
     if algorithm["objects"] is None:
         algorithm["objects"] = ("train", f"generated:{category}:{ROLLOUT_SEEDS[category]}")
     if algorithm["expert"] is None:
-        algorithm["expert"] = dict(_TEACHING.get(task_spec(task).expert or "", {}))
+        algorithm["expert"] = teaching_values(task)
     if algorithm["shares"] is None:
         algorithm["shares"] = point_shares(task, make_task(task).mask_names)
 
