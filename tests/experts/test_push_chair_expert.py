@@ -14,7 +14,7 @@ from artiskill.experts.walls import Press
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.grasp_candidates import seat_of
 
-SWIVEL, SLED, CANTILEVER = "chair-0001", "chair-0039", "chair-0037"
+SWIVEL, SLED, CANTILEVER, BARRED = "chair-0001", "chair-0039", "chair-0037", "chair-0047"
 CHAIRS = list_objects("chair") + list_objects("chair", "ood")
 APPROACH, CLOSE, DRIVE, HOLD = range(4)
 
@@ -51,6 +51,19 @@ def test_a_round_seat_has_a_round_outline() -> None:
     angles = np.radians(np.arange(360))
     points = tips[:, None] * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
     np.testing.assert_allclose(np.linalg.norm(points - (0.1, 0.0), axis=-1), 0.2, atol=0.008)
+
+
+def test_a_ledge_below_the_edge_stops_fingers() -> None:
+    """Of a chair whose armrests stand on a thin bar 2 cm below its seat: hands that met it never pressed."""
+    tips = seat_of(load_object(BARRED)).outline[0]
+    assert tips[75] > 0.27, "the seat's own edge is at 0.23"
+    env = ManipulationEnv("PushChair", objects=BARRED)
+    env.reset(options={"level": 0})
+    expert, done = PushChairExpert(env.task.robot), False
+    while not done:
+        _, _, terminated, truncated, info = env.step(expert.act(env.snapshot, env.goal))
+        done = terminated or truncated
+    assert info["success"]
 
 
 def best_press(snapshot: Snapshot, env: ManipulationEnv, config: PushChairExpertConfig) -> Press:

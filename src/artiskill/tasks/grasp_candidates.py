@@ -25,6 +25,8 @@ _SEAT_M = (0.25, 0.75)  # heights of seats' middles
 _SEAT_AHEAD_M = 0.1  # hands take a seat so far ahead of its middle: most armrests' posts stand further back
 _HALF_FINGERS_M, _HALF_HAND_M = 0.015, 0.1  # half the height of closed fingers, and of a hand turned on its side
 _SECTIONS = 15  # through a seat, for each of the two
+# fingers may stand so much higher or lower than they should; what stands out by more there stops them, too
+_LEDGE_HEIGHT_M, _LEDGE_M = 0.003, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +60,13 @@ def seat_of(obj: ArticulatedObject) -> Seat:
     middle = (seat.min(axis=0) + seat.max(axis=0)) / 2 - (_SEAT_AHEAD_M, 0.0, 0.0)
     hulls = [convex_hull(points).mesh for _, points in corners]
     triangles = np.concatenate([hull.vertices[hull.faces] for hull in hulls]) - middle
-    tips, hand = (
+    tips, ledge, hand = (
         np.max(
             [_section_reach(triangles, z, SEAT_DIRECTIONS) for z in np.linspace(-half, half, _SECTIONS)], axis=0
         )
-        for half in (_HALF_FINGERS_M, _HALF_HAND_M)
+        for half in (_HALF_FINGERS_M, _HALF_FINGERS_M + _LEDGE_HEIGHT_M, _HALF_HAND_M)
     )
+    tips = np.where(ledge > tips + _LEDGE_M, ledge, tips)
     turn = quat_to_matrix(quaternions[link])
     return Seat(link, rotate(turn.T, middle - positions[link]), turn.T, np.stack((tips, np.maximum(tips, hand))))
 
