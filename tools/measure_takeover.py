@@ -58,13 +58,11 @@ class Outcome:
     lost: bool
 
 
-def taken_over(
-    env: ManipulationEnv, name: str, target: str, level: int, beginner: str, values: Mapping[str, Any] = NO_VALUES
-) -> Outcome:
-    """Play one level; `env` has time for both, and `values` of the expert differ from its own."""
+def taken_over(env: ManipulationEnv, expert: Any, name: str, target: str, level: int, beginner: str) -> Outcome:
+    """Play one level; `env` has time for both."""
     env.reset(options={"object": name, "target": target, "level": level})
     rng = np.random.default_rng([level, list(BEGINNERS).index(beginner), *f"{name} {target}".encode()])
-    lean, expert = rng.normal(size=env.action_space.shape), commanding_expert(env.task, values)
+    lean = rng.normal(size=env.action_space.shape)
     begins = 0 if beginner == "nobody" else int(rng.integers(0, MOST_STEPS + 1))
     expert.reset(env.snapshot, env.goal)
     solved, lost = False, False
@@ -97,12 +95,13 @@ def is_lost(env: ManipulationEnv) -> bool:
 def outcomes(
     task: str, objects: list[str], beginner: str, levels: range, values: Mapping[str, Any] = NO_VALUES
 ) -> Iterator[Outcome]:
-    """Play levels of every target of some objects."""
+    """Play levels of every target of some objects; `values` of the expert differ from its own."""
     for name in objects:
         env = ManipulationEnv(task, name, config={"episode_steps": MOST_STEPS + EXPERT_STEPS})
+        expert = commanding_expert(env.task, values)
         for target in env.task.targets(load_object(name)):
             for level in levels:
-                outcome = taken_over(env, name, target, level, beginner, values)
+                outcome = taken_over(env, expert, name, target, level, beginner)
                 if outcome.steps:  # else another solved it before the expert's turn
                     yield outcome
 

@@ -14,7 +14,7 @@ from artiskill.experts.walls import Press
 from artiskill.sim.snapshot import Snapshot
 from artiskill.tasks.grasp_candidates import seat_of
 
-SWIVEL, SLED, CANTILEVER, BARRED = "chair-0001", "chair-0039", "chair-0037", "chair-0047"
+SWIVEL, SLED, CANTILEVER, LEDGED = "chair-0001", "chair-0039", "chair-0037", "chair-0047"
 CHAIRS = list_objects("chair") + list_objects("chair", "ood")
 APPROACH, CLOSE, DRIVE, HOLD = range(4)
 
@@ -54,10 +54,10 @@ def test_a_round_seat_has_a_round_outline() -> None:
 
 
 def test_a_ledge_below_the_edge_stops_fingers() -> None:
-    """Of a chair whose armrests stand on a thin bar 2 cm below its seat: hands that met it never pressed."""
-    tips = seat_of(load_object(BARRED)).outline[0]
+    """Of a chair whose armrests stand on a plate 2 cm below its seat's middle: hands that met it never pressed."""
+    tips = seat_of(load_object(LEDGED)).outline[0]
     assert tips[75] > 0.27, "the seat's own edge is at 0.23"
-    env = ManipulationEnv("PushChair", objects=BARRED)
+    env = ManipulationEnv("PushChair", objects=LEDGED)
     env.reset(options={"level": 0})
     expert, done = PushChairExpert(env.task.robot), False
     while not done:

@@ -80,9 +80,9 @@ def clear_of_robot(snapshot: Snapshot, twists: np.ndarray, carried: Callable[[],
     They come out as seen from the robot: `carried` returns the twists (2, 6) of hands that the trunk takes along.
     """
     found = twists.copy()
+    base_x, base_y = snapshot.robot_qpos[0, :2]
     for arm, side in enumerate(_SIDES):
         x, y, height = snapshot.tool_position_w[0, arm]
-        base_x, base_y = snapshot.robot_qpos[0, :2]
         ahead, left, *_ = in_base_axes(snapshot, np.array((x - base_x, y - base_y, 0.0, 0.0))).tolist()
         if ahead >= _ON_BASE_M[0]:
             continue

@@ -25,8 +25,8 @@ _SEAT_M = (0.25, 0.75)  # heights of seats' middles
 _SEAT_AHEAD_M = 0.1  # hands take a seat so far ahead of its middle: most armrests' posts stand further back
 _HALF_FINGERS_M, _HALF_HAND_M = 0.015, 0.1  # half the height of closed fingers, and of a hand turned on its side
 _SECTIONS = 15  # through a seat, for each of the two
-# fingers may stand so much higher or lower than they should; what stands out by more there stops them, too
-_LEDGE_HEIGHT_M, _LEDGE_M = 0.003, 0.01
+# so far above or below the seat's middle, fingers that are a little too high or low meet what stands out by more
+_LEDGE_HEIGHT_M, _LEDGE_M = 0.018, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,10 +61,12 @@ def seat_of(obj: ArticulatedObject) -> Seat:
     hulls = [convex_hull(points).mesh for _, points in corners]
     triangles = np.concatenate([hull.vertices[hull.faces] for hull in hulls]) - middle
     tips, ledge, hand = (
-        np.max(
-            [_section_reach(triangles, z, SEAT_DIRECTIONS) for z in np.linspace(-half, half, _SECTIONS)], axis=0
+        np.max([_section_reach(triangles, z, SEAT_DIRECTIONS) for z in heights], axis=0)
+        for heights in (
+            np.linspace(-_HALF_FINGERS_M, _HALF_FINGERS_M, _SECTIONS),
+            (-_LEDGE_HEIGHT_M, _LEDGE_HEIGHT_M),
+            np.linspace(-_HALF_HAND_M, _HALF_HAND_M, _SECTIONS),
         )
-        for half in (_HALF_FINGERS_M, _HALF_FINGERS_M + _LEDGE_HEIGHT_M, _HALF_HAND_M)
     )
     tips = np.where(ledge > tips + _LEDGE_M, ledge, tips)
     turn = quat_to_matrix(quaternions[link])
