@@ -1,5 +1,6 @@
 """Queue and tables of reinforcement learning, with commands that write what real ones would."""
 
+import csv
 import json
 import shutil
 from pathlib import Path
@@ -12,7 +13,7 @@ import make_rl_tables as script
 from artiskill.learning.reinforcement_config import load_reinforcement_config
 from learning_tables import curves
 from learning_tables.cells import TASKS
-from make_rl_tables import BEGIN, END, Policy, graded, values_of
+from make_rl_tables import BEGIN, END, GRADED, ONE, PAGE, Policy, values_of
 
 DEVELOPMENT = "step,object,episodes,successes\n9,a,5,1\n9,b,5,2\n10,a,5,4\n10,b,5,5\n"
 WORDS = f"before\n{BEGIN}\nold\n{END}\nafter\n"
@@ -54,7 +55,7 @@ def test_finished_runs_stay_in_the_tables(tmp_path: Path, commands: list[list[st
     commands.clear()
     assert run(tmp_path, *first) == 0
     assert commands == []
-    name, target = graded("OpenCabinetDrawer")[0]
+    name, target = GRADED["OpenCabinetDrawer"][0]
     assert f"| OpenCabinetDrawer | {name} | {target} | sac | 50%, 50% | 2, 2 | 10, 10 |" in _page(tmp_path)
     measured = (tmp_path / "data" / "reinforcement_curves.csv").read_text().splitlines()
     assert len(measured) == 1 + 3 * 2 * 2
@@ -119,12 +120,19 @@ def test_what_is_changed_has_rows_of_its_own(tmp_path: Path, commands: list[list
 
 
 @pytest.mark.parametrize("task", TASKS)
+def test_the_page_has_the_objects_that_its_commands_train_on(task: str) -> None:
+    with (PAGE.parent / "data" / "reinforcement.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if row["table"] == ONE and row["task"] == task]
+    assert {(row["objects"], row["target"]) for row in rows} == set(GRADED[task])
+
+
+@pytest.mark.parametrize("task", TASKS)
 def test_the_table_measures_the_defaults_of_each_task(task: str) -> None:
     algorithm = "sac" if task == "OpenCabinetDrawer" else "sac-expert"
-    measured = values_of(Policy("one", task, (graded(task)[0][0],), "", algorithm, 0))
+    measured = values_of(Policy("one", task, (GRADED[task][0][0],), "", algorithm, 0))
     asked = {key: yaml.safe_load(value) for key, value in (one.split("=") for one in measured)}
     assert load_reinforcement_config("sac", task, asked) == load_reinforcement_config("sac", task)
-    of_ppo = values_of(Policy("one", task, (graded(task)[0][0],), "", "ppo", 0))
+    of_ppo = values_of(Policy("one", task, (GRADED[task][0][0],), "", "ppo", 0))
     asked = {key: yaml.safe_load(value) for key, value in (one.split("=") for one in of_ppo)}
     assert load_reinforcement_config("ppo", task, asked) == load_reinforcement_config("ppo", task)
     steps = {"OpenCabinetDrawer": 400_000, "OpenCabinetDoor": 600_000}
