@@ -30,7 +30,7 @@ FILMED = (
     ("OpenCabinetDrawer", "cabinet-0015", 0),
 )
 FAILED = (
-    ("OpenCabinetDoor", "cabinet-0088", 18),
+    ("OpenCabinetDoor", "cabinet-0042", 2),
     ("OpenCabinetDrawer", "cabinet-0092", 1),
     ("MoveBucket", "bucket-0045", 36),
 )

@@ -8,7 +8,6 @@ import pytest
 from artiskill.envs.manipulation import ManipulationEnv
 from artiskill.experts.clearances import Cylinder, base_too_near, clear_of_object, clear_of_robot
 from artiskill.experts.move_bucket import MoveBucketExpert, MoveBucketExpertConfig
-from artiskill.learning.train_config import teaching_values
 from artiskill.sim.snapshot import Snapshot
 
 BUCKET = Cylinder(np.array((1.0, 2.0, 0.0)), 0.2, 0.3)
@@ -101,9 +100,8 @@ def test_a_base_may_be_too_near(start: Snapshot, distance_m: float, share: float
     assert base_too_near(start, middle, 0.5) <= share
 
 
-def as_it_teaches(expert: MoveBucketExpert) -> MoveBucketExpertConfig:
-    """Return the expert's configuration without what this chapter is about, as `dagger` has it."""
-    assert teaching_values("MoveBucket") == {"keeps_clear": False, "press": {"palm_m": 0.0}}
+def without_clearances(expert: MoveBucketExpert) -> MoveBucketExpertConfig:
+    """Return the expert's configuration without what this chapter is about."""
     press = dataclasses.replace(expert.config.press, palm_m=0.0)
     return dataclasses.replace(expert.config, keeps_clear=False, press=press)
 
@@ -114,7 +112,7 @@ def test_a_robot_in_order_acts_as_without(name: str, level: int) -> None:
     env = ManipulationEnv("MoveBucket", objects=name)
     env.reset(options={"level": level})
     expert = MoveBucketExpert(env.task.robot)
-    without, done = MoveBucketExpert(env.task.robot, as_it_teaches(expert)), False
+    without, done = MoveBucketExpert(env.task.robot, without_clearances(expert)), False
     while not done:
         action = expert.act(env.snapshot, env.goal)
         np.testing.assert_array_equal(action, without.act(env.snapshot, env.goal))
@@ -129,7 +127,7 @@ def test_a_robot_out_of_order_does_not(where: str) -> None:
     env = ManipulationEnv("MoveBucket", objects="bucket-0024")
     env.reset(seed=0)
     expert = MoveBucketExpert(env.task.robot)
-    without = MoveBucketExpert(env.task.robot, as_it_teaches(expert))
+    without = MoveBucketExpert(env.task.robot, without_clearances(expert))
     snapshot, bucket = env.snapshot, env.snapshot.link_position_w[0, 0]
     if where == "behind":
         snapshot = with_right_hand(snapshot, -0.2, 0.05, 0.8)

@@ -688,24 +688,24 @@ def test_samples_may_be_of_any_network() -> None:
 
 
 @pytest.mark.parametrize(
-    ("task", "samples", "share"),
+    ("task", "samples", "share", "taught"),
     [
-        ("OpenCabinetDrawer", 96_000, None),
-        ("OpenCabinetDoor", 192_000, None),
-        ("PushChair", 192_000, 0.5),
-        ("MoveBucket", 192_000, 0.5),
+        ("OpenCabinetDrawer", 96_000, None, {"overshoot", "grasp"}),
+        ("OpenCabinetDoor", 192_000, None, {"overshoot", "grasp"}),
+        ("PushChair", 192_000, 0.5, {"seat"}),
+        ("MoveBucket", 192_000, 0.5, set()),
     ],
 )
 def test_each_task_has_the_values_of_the_policies_that_come_with_the_package(
-    task: str, samples: int, share: float | None
+    task: str, samples: int, share: float | None, taught: set[str]
 ) -> None:
     """Those of docs/generalization.md; where other objects are named, none is played more often than others."""
     config = load_train_config("dagger", task)
     values = config.algorithm
     assert values["rounds"] * values["collectors"] * values["envs"] * values["rollout_steps"] == samples
     assert values["generated_share"] == share
-    assert commanding_expert(make_task(task), values["expert"]).phases, "it takes its values"
-    assert values["expert"], "and these are found"
+    own, teaching = (to_mapping(commanding_expert(make_task(task), v).config) for v in ({}, values["expert"]))
+    assert {key for key in own if own[key] != teaching[key]} == taught, "what it does otherwise where it teaches"
     plain = load_train_config("dagger", task, overrides={"algorithm.expert": {}}).algorithm["expert"]
     assert plain == {}, "the expert may teach as it acts"
     named = load_train_config("dagger", task, overrides={"algorithm.objects": ["train"]})

@@ -57,12 +57,10 @@ ROLLOUT_SEEDS = {"cabinet": "0..599", "chair": "0..199", "bucket": "0..199"}
 # what experts do otherwise when they teach. How far a joint goes is not seen, so a student that stops
 # where the expert would may stop too early: it goes on, and the joint's limit stops it. And a student that has
 # rolled its hand the wrong way takes the grasp that is nearest then. How wide a round seat is hardly shows, so a
-# student that looks for its narrowest side turns to and fro before it. What the expert of buckets does where
-# others left the robot out of place is not taught: policies were measured before it did so
+# student that looks for its narrowest side turns to and fro before it
 _TEACHING: Mapping[str, dict[str, Any]] = {
     "artiskill.experts.open_cabinet:OpenCabinetExpert": {"overshoot": 10.0, "grasp": {"roll_weight": 0.3}},
     "artiskill.experts.push_chair:PushChairExpert": {"seat": {"width_weight": 3.0}},
-    "artiskill.experts.move_bucket:MoveBucketExpert": {"keeps_clear": False, "press": {"palm_m": 0.0}},
 }
 _AT_ORIGIN = ("chair", "bucket")  # whose goal is the world's origin
 
