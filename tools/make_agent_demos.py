@@ -50,7 +50,7 @@ def main(arguments: list[str]) -> int:
             f"{options.per_object}: name another --page and --work",
         )
         read_marked(options.page, BEGIN, END)  # it will be written after hours
-        first = sorted(trained_on(MANY_TASK))[: options.objects]
+        first = trained_on(MANY_TASK)[: options.objects]
         agents = [Policy(ONE, MANY_TASK, (name,), target, options.algorithm, 0) for name, target in first]
         succeeded = in_pool(lambda agent: run(agent, options), agents, options.jobs)
         write_table([agent for agent in agents if (demos_of(agent, options.work) / COST).is_file()], options)

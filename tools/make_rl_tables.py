@@ -141,18 +141,18 @@ def wanted(options: argparse.Namespace) -> Iterator[Policy]:
                 yield Policy(ONE, task, (name,), target, options.algorithm, seed, changed)
         for table in [name for name in (MANY, PLAIN) if name in options.tables]:
             for count in options.counts:
-                names = tuple(name for name, _ in sorted(trained_on(MANY_TASK)))[:count]
+                names = tuple(name for name, _ in trained_on(MANY_TASK))[:count]
                 yield Policy(table, MANY_TASK, names, "", options.algorithm, seed, changed)
 
 
 def trained_on(task: str) -> list[tuple[str, str]]:
-    """Return the training objects of a task, each with its first target."""
+    """Return the training objects of a task by name, each with its first target."""
     rows = csv.DictReader(read_text(EXPERTS).splitlines())
-    return [
+    return sorted(
         (row["object"], row["solved of attempts, by target"].split()[0])
         for row in rows
         if row["task"] == task and row["split"] == "train"
-    ]
+    )
 
 
 def run(policy: Policy, work: Path) -> bool:
